@@ -30,7 +30,7 @@ from tensegrity_codegen.runtime.integrate.batch_integration import integrate_bat
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.simulate.consistency import make_consistent
+from tensegrity_codegen.runtime.simulate.motion_input import make_consistent
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.stability.cases import stiffen_bars

@@ -11,11 +11,10 @@ import pytest
 
 from tensegrity_codegen import compile_scene, draw, find_equilibrium, load_scene, read_scene, view
 from tensegrity_codegen.export.export_fmu import export_fmu
-from tensegrity_codegen.runtime.paths.bar_path import build_path
 from tensegrity_codegen.runtime.paths.continuation import StepControl, follow_path
-from tensegrity_codegen.runtime.paths.member_watch import watch_members
-from tensegrity_codegen.runtime.paths.model_path import watch_contact, watch_slack, watch_switch
+from tensegrity_codegen.runtime.paths.model_path import build_path
 from tensegrity_codegen.runtime.paths.snap import find_load_snap, find_snap
+from tensegrity_codegen.runtime.paths.watches import watch_contact, watch_members, watch_slack, watch_switch
 from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.checks.check import check_structure
 from tensegrity_codegen.scene.checks.scene_warnings import find_warnings

@@ -114,7 +114,7 @@ class Analyse(AtPoint):
     ) -> Mapping[str, Any]:
         """Return what is kept of the analysis of one case."""
         from tensegrity_codegen.runtime.analysis.analyse import analyse
-        from tensegrity_codegen.runtime.model.state_names import name_states
+        from tensegrity_codegen.runtime.model.interface import name_states
 
         coordinate, _ = point
         static_arguments = {name: value for name, value in arguments.items() if name != "velocity"}

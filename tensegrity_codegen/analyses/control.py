@@ -40,8 +40,8 @@ from tensegrity_codegen.control.feedback.study.stated_errors import (
 from tensegrity_codegen.pipeline.analyses import Needs, find_needs
 from tensegrity_codegen.pipeline.build_library import MANY_CALLS
 from tensegrity_codegen.pipeline.compile_scene import load_scene
+from tensegrity_codegen.runtime.model.arguments import INPUT
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.named_inputs import INPUT
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.system.errors import (

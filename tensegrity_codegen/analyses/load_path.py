@@ -17,9 +17,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tensegrity_codegen.analyses.cases.scene_case import SceneCase
-    from tensegrity_codegen.runtime.paths.load_path import LoadPath
+    from tensegrity_codegen.runtime.paths.load_path import LoadPath, Watch
     from tensegrity_codegen.runtime.paths.model_path import ModelPath
-    from tensegrity_codegen.runtime.paths.path_problem import Watch
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.structure.member_limits import MemberFlaws
 
@@ -100,9 +99,9 @@ class FollowLoadPath(AnalysisRecord):
         """Return the problem of a scene under its loads and inputs, with all that a path needs."""
         from tensegrity_codegen.pipeline.analyses import find_needs
         from tensegrity_codegen.pipeline.settle import with_statics
-        from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
-        from tensegrity_codegen.runtime.paths.bar_path import build_path
-        from tensegrity_codegen.runtime.paths.member_watch import MEMBER_WATCH_QUANTITIES
+        from tensegrity_codegen.runtime.model.arguments import merge_inputs
+        from tensegrity_codegen.runtime.paths.model_path import build_path
+        from tensegrity_codegen.runtime.paths.watches import MEMBER_WATCH_QUANTITIES
 
         subject, texts = case.subject, case.load_texts
         ramp = build_ramp(subject, self.ramp, case.added_load, texts)
@@ -221,9 +220,9 @@ def _check_ground(subject: "Subject", floor: float | None, past_contact: bool) -
 
 def _find_watches(path: "ModelPath", subject: "Subject", past_contact: bool) -> "list[Watch]":
     """Return the watches of cables, since the stiffness jumps there, and of pairs of bars."""
-    from tensegrity_codegen.runtime.paths.member_watch import watch_members
-    from tensegrity_codegen.runtime.paths.model_path import (
+    from tensegrity_codegen.runtime.paths.watches import (
         watch_contact,
+        watch_members,
         watch_slack,
         watch_switch,
         watch_yield,

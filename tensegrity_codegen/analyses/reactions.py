@@ -202,7 +202,7 @@ def compute_node_reactions(
     import numpy as np
 
     from tensegrity_codegen.report.loads import compute_reactions
-    from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
+    from tensegrity_codegen.runtime.model.arguments import INPUT, merge_inputs
     from tensegrity_codegen.structure.applied_inputs import find_input_force
 
     structure, manifest = _require_supports(model.structure), model.manifest

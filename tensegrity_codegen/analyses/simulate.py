@@ -72,7 +72,7 @@ class Simulate(MotionAnalysis):
         """Raise InvalidValueError for options that one motion, or many, do not have, or out of range."""
         from tensegrity_codegen.runtime.integrate.options import check_options
         from tensegrity_codegen.runtime.simulate.condition import find_quantities
-        from tensegrity_codegen.runtime.trajectory.write_motion import check_motion_file
+        from tensegrity_codegen.runtime.trajectory.motion_tables import check_motion_file
 
         check_options(self.run_options, self.t_end, self.samples)
         if self.event[1] is not None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource
-from tensegrity_codegen.runtime.trajectory.frames import list_columns
+from tensegrity_codegen.runtime.trajectory.motion_tables import list_columns
 from tensegrity_codegen.runtime.trajectory.read_trajectory import read_trajectory
 from tensegrity_codegen.scene.formats.import_tables import MEMBER_COLUMNS, NODE_COLUMNS
 from tensegrity_codegen.scene.read import read_scene

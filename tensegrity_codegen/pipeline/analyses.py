@@ -15,9 +15,10 @@ from tensegrity_codegen.runtime.contacts.rest_memory import (
     RING_QUANTITIES,
 )
 from tensegrity_codegen.runtime.integrate.methods import BATCH_METHOD, find_method
-from tensegrity_codegen.runtime.trajectory.control_quantities import CONTROL_METHOD, CONTROL_QUANTITIES
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import (
     CONTACT_QUANTITIES,
+    CONTROL_METHOD,
+    CONTROL_QUANTITIES,
     simulation_quantities,
 )
 from tensegrity_codegen.scene.subject import Subject
@@ -147,8 +148,7 @@ def _sensitivity(structure: Subject, request: ModelRequest, method: str, rtol: f
 
 
 def _linearize(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
-    from tensegrity_codegen.runtime.linear.kinks import KINK_QUANTITIES
-    from tensegrity_codegen.runtime.linear.linearize import linearize_quantities
+    from tensegrity_codegen.runtime.linear.linearize import KINK_QUANTITIES, linearize_quantities
 
     quantities = linearize_quantities(request.formulation, with_inputs=bool(structure.inputs))
     return Needs((*quantities, *(KINK_QUANTITIES if not structure.is_bar.all() else ())))

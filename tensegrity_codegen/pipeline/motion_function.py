@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.integrate.adjoint import TapedRun, directed_shapes
 from tensegrity_codegen.runtime.integrate.options import RunOptions, Stepping, read_stepping
+from tensegrity_codegen.runtime.model.interface import require_model
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.require import require_model
-from tensegrity_codegen.runtime.simulate.given import read_motion
+from tensegrity_codegen.runtime.simulate.motion_input import read_motion
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_names
 from tensegrity_codegen.system.errors import check_choice

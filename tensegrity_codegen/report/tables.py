@@ -7,7 +7,7 @@ import numpy as np
 from rich.table import Table
 
 from tensegrity_codegen.report.long_table import LongTable, Ranking, add_row, new_table, rank_rows
-from tensegrity_codegen.runtime.trajectory.feet import Foot
+from tensegrity_codegen.runtime.trajectory.trajectory import Foot
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.member_limits import MemberChecks
 from tensegrity_codegen.structure.structure import Structure

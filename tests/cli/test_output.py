@@ -24,7 +24,7 @@ from tensegrity_codegen.report.long_table import LongTable
 from tensegrity_codegen.report.result_tables import events_table
 from tensegrity_codegen.runtime.analysis.analyse import analyse as find_analysis
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
-from tensegrity_codegen.runtime.analysis.modes import Modes
+from tensegrity_codegen.runtime.analysis.configuration import Modes
 from tensegrity_codegen.runtime.analysis.prestress import Prestress
 from tensegrity_codegen.runtime.linear.linearize import LinearModel
 from tensegrity_codegen.runtime.linear.spectrum import Spectrum

@@ -27,7 +27,7 @@ from tensegrity_codegen.pipeline.build_library import (
 )
 from tensegrity_codegen.pipeline.compile_scene import compile_scene, load_scene
 from tensegrity_codegen.runtime.integrate.options import Stepping
-from tensegrity_codegen.runtime.paths.bar_path import build_path
+from tensegrity_codegen.runtime.paths.model_path import build_path
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 import tensegrity_codegen
-from tensegrity_codegen.runtime.linear.kinks import describe_kinks
+from tensegrity_codegen.runtime.linear.linearize import describe_kinks
 from tensegrity_codegen.system.errors import name_list, suggest
 
 

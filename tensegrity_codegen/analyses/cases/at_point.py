@@ -78,7 +78,7 @@ class AtPoint(CaseAnalysis):
 
     def outputs(self, manifest: "Manifest") -> tuple[Output, ...]:
         """Return one array for each thing that is kept, NAN behind the last mode."""
-        from tensegrity_codegen.runtime.model.state_names import name_states
+        from tensegrity_codegen.runtime.model.interface import name_states
 
         states = name_states(manifest)
         labels = {"member": manifest.member_name, "input": manifest.input_name}
@@ -111,7 +111,7 @@ class AtPoint(CaseAnalysis):
         import numpy as np
 
         from tensegrity_codegen.analyses.cases.case_equilibria import find_case_equilibria
-        from tensegrity_codegen.runtime.model.require import require_double
+        from tensegrity_codegen.runtime.model.interface import require_double
         from tensegrity_codegen.runtime.statics.equilibrium import choose_tolerance
 
         require_double(model.manifest, self.name)

@@ -6,8 +6,8 @@ import numpy as np
 
 from tensegrity_codegen.analyses.cases.quantities import CaseArguments
 from tensegrity_codegen.analyses.cases.record import COORDINATE
+from tensegrity_codegen.runtime.model.interface import require_double
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.require import require_double
 from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
 from tensegrity_codegen.runtime.statics.batch.find_equilibria import find_equilibria
 

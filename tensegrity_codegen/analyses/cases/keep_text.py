@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from tensegrity_codegen.analyses.cases.record import Output
-from tensegrity_codegen.runtime.model.state_names import name_states
+from tensegrity_codegen.runtime.model.interface import name_states
 from tensegrity_codegen.runtime.simulate.condition_text import POSITION, parse_condition
 from tensegrity_codegen.system.errors import (
     DuplicateNameError,

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.analyses.cases.keep_text import AXES, KeptText, describe_quantity, real_dtype
 from tensegrity_codegen.analyses.cases.record import Output
-from tensegrity_codegen.runtime.simulate.condition import find_quantities
-from tensegrity_codegen.runtime.simulate.condition_parts import Part, build_difference, build_part
+from tensegrity_codegen.runtime.simulate.condition import Part, build_difference, build_part, find_quantities
 from tensegrity_codegen.runtime.simulate.condition_text import POSITION
 from tensegrity_codegen.system.errors import FormulationError, TensegrityError
 from tensegrity_codegen.tables.formulations import find_formulation

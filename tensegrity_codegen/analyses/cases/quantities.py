@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.analyses.cases.statuses import encode_status
+from tensegrity_codegen.runtime.model.arguments import INPUT, unify_name
 from tensegrity_codegen.runtime.model.arrays import to_array, to_batch
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.named_inputs import INPUT, unify_name
 from tensegrity_codegen.runtime.simulate.condition_text import POSITION
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.member_limits import check_members

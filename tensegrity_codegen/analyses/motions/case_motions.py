@@ -19,8 +19,8 @@ from tensegrity_codegen.analyses.cases.record import LIMIT_USE, LIMIT_USE_RESULT
 from tensegrity_codegen.analyses.motions.motion_options import MotionAnalysis
 from tensegrity_codegen.analyses.motions.reductions import reduce_output, reduce_values
 from tensegrity_codegen.runtime.integrate.options import Stepping
+from tensegrity_codegen.runtime.model.interface import require_double
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.require import require_double
 from tensegrity_codegen.runtime.simulate.condition_text import POSITION
 from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
 from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory

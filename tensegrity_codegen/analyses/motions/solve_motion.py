@@ -16,7 +16,7 @@ from tensegrity_codegen.runtime.analysis.stand import require_ground
 from tensegrity_codegen.runtime.integrate.raw_results import STOPPED_AT
 from tensegrity_codegen.runtime.paths.find_equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.simulate.condition import find_quantities
-from tensegrity_codegen.runtime.simulate.read_starts import read_starts
+from tensegrity_codegen.runtime.simulate.motion_input import read_starts
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
 from tensegrity_codegen.runtime.simulate.until import CONTACT_QUANTITIES, Until

@@ -79,7 +79,7 @@ def _describe_start(subject: "Structure | BodySystem") -> dict[str, Any]:
     """Return size, mass, tensions and counts of motions at the stated positions; None where not known."""
     import numpy as np
 
-    from tensegrity_codegen.runtime.analysis.freedom import count_freedom
+    from tensegrity_codegen.runtime.analysis.rank import count_freedom
     from tensegrity_codegen.structure.member_limits import summarise_tensions
     from tensegrity_codegen.structure.outline import outline_tendons
     from tensegrity_codegen.structure.structure import Structure

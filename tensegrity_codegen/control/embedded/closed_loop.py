@@ -67,12 +67,12 @@ from tensegrity_codegen.control.feedback.mpc import Mpc
 from tensegrity_codegen.runtime.integrate.event_log import choose_watch
 from tensegrity_codegen.runtime.integrate.integration import find_integrator
 from tensegrity_codegen.runtime.model.arrays import to_sized
+from tensegrity_codegen.runtime.model.interface import require_double, require_model, require_quantities
+from tensegrity_codegen.runtime.model.library import raise_for_status
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.require import require_double, require_model, require_quantities
-from tensegrity_codegen.runtime.model.status import raise_for_status
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
-from tensegrity_codegen.runtime.trajectory.control_quantities import CONTROL_METHOD
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import CONTROL_METHOD
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import (
     check_instance,

@@ -24,7 +24,7 @@ from tensegrity_codegen.control.embedded.tables import (
     count_knots,
     list_entries,
 )
-from tensegrity_codegen.runtime.model.state_names import name_moving_states
+from tensegrity_codegen.runtime.model.interface import name_moving_states
 from tensegrity_codegen.structure.actuators import Sensor
 from tensegrity_codegen.system.arrays import IntArray
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest

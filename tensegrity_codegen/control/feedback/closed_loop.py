@@ -33,9 +33,9 @@ from tensegrity_codegen.control.feedback.loop.sampled_plant import (
     read_disturbance,
 )
 from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
+from tensegrity_codegen.runtime.model.arguments import INPUT
+from tensegrity_codegen.runtime.model.interface import require_double, require_model, require_quantities
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.named_inputs import INPUT
-from tensegrity_codegen.runtime.model.require import require_double, require_model, require_quantities
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.system.arrays import FloatArray

@@ -12,9 +12,9 @@ from scipy.optimize import lsq_linear
 from tensegrity_codegen.control.feedback.equilibrium_path import SmoothPath
 from tensegrity_codegen.control.feedback.time_law import Peaks, TimeLaw, compute_peaks
 from tensegrity_codegen.control.planning.plan_point import PlanModel
+from tensegrity_codegen.runtime.model.interface import require_quantities
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.require import require_quantities
-from tensegrity_codegen.runtime.statics.body_problem import BodyProblem
+from tensegrity_codegen.runtime.statics.constrained_problems import BodyProblem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.errors import FormulationError, name_list

@@ -25,11 +25,10 @@ from tensegrity_codegen.control.feedback.design.riccati import (
     find_stationary,
     find_unobserved,
 )
+from tensegrity_codegen.runtime.model.arguments import INPUT, merge_inputs
 from tensegrity_codegen.runtime.model.arrays import to_each
+from tensegrity_codegen.runtime.model.interface import name_moving_states, require_model, require_quantities
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
-from tensegrity_codegen.runtime.model.require import require_model, require_quantities
-from tensegrity_codegen.runtime.model.state_names import name_moving_states
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.structure.actuators import Sensor

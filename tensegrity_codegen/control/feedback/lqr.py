@@ -24,11 +24,10 @@ from tensegrity_codegen.control.feedback.design.riccati import (
     step_back,
 )
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorLimits, find_bounds
+from tensegrity_codegen.runtime.model.arguments import merge_inputs
 from tensegrity_codegen.runtime.model.arrays import check_finite, to_doubles
+from tensegrity_codegen.runtime.model.interface import name_moving_states, require_model
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
-from tensegrity_codegen.runtime.model.require import require_model
-from tensegrity_codegen.runtime.model.state_names import name_moving_states
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.structure.actuators import Actuator

@@ -14,9 +14,9 @@ from tensegrity_codegen.control.feedback.kalman import count_substeps
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import find_bounds
 from tensegrity_codegen.control.feedback.loop.tension_distribution import CableTensions, find_cables
 from tensegrity_codegen.control.feedback.lqr import design_lqr, read_weight
+from tensegrity_codegen.runtime.model.arguments import merge_inputs
 from tensegrity_codegen.runtime.model.arrays import to_doubles, to_each
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.system.arrays import FloatArray

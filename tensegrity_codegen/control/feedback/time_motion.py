@@ -29,9 +29,9 @@ from tensegrity_codegen.control.feedback.inverse_dynamics import (
 from tensegrity_codegen.control.feedback.time_law import QUINTIC, check_rates, find_shortest, read_law
 from tensegrity_codegen.control.planning.plan import check_duration
 from tensegrity_codegen.control.planning.plan_point import PlanModel, find_actuation
+from tensegrity_codegen.runtime.model.arguments import INPUT
+from tensegrity_codegen.runtime.model.interface import require_model
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.named_inputs import INPUT
-from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.records.plan_result import PlanResult
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory

@@ -24,7 +24,7 @@ from tensegrity_codegen.control.planning.shape_targets import find_nodes, find_r
 from tensegrity_codegen.control.planning.step_problem import MIN_SIZE, PlanLimits
 from tensegrity_codegen.control.planning.target_text import parse_shape
 from tensegrity_codegen.control.planning.targets import BoundTarget, Targets
-from tensegrity_codegen.runtime.model.named_inputs import INPUT
+from tensegrity_codegen.runtime.model.arguments import INPUT
 from tensegrity_codegen.runtime.records.plan_result import Cover
 from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length, find_input_force
 from tensegrity_codegen.structure.structure import Structure

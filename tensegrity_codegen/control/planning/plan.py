@@ -33,9 +33,9 @@ from tensegrity_codegen.control.planning.step_problem import (
 from tensegrity_codegen.control.planning.target_text import read_targets
 from tensegrity_codegen.control.planning.targets import Targets, bind_targets
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
+from tensegrity_codegen.runtime.model.arguments import INPUT
+from tensegrity_codegen.runtime.model.interface import require_model
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.named_inputs import INPUT
-from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.records.plan_result import Cover, PlanResult
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.statics.neutral_motion import find_neutral

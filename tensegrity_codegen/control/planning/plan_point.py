@@ -9,17 +9,15 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from tensegrity_codegen.control.planning.targets import MovedBy, Targets
+from tensegrity_codegen.runtime.model.arguments import INPUT, merge_inputs
 from tensegrity_codegen.runtime.model.arrays import check_finite, to_sized
 from tensegrity_codegen.runtime.model.interface import Described
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
-from tensegrity_codegen.runtime.sensitivity.bordered import factorise
 from tensegrity_codegen.runtime.sensitivity.sensitivity import equilibrium_sensitivity
-from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
-from tensegrity_codegen.runtime.statics.body_problem import BodyProblem
+from tensegrity_codegen.runtime.sensitivity.static_system import factorise
+from tensegrity_codegen.runtime.statics.constrained_problems import BarProblem, BodyProblem
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem
-from tensegrity_codegen.runtime.statics.rigid_motion import find_neutral_motions
-from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
+from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem, find_neutral_motions
 from tensegrity_codegen.structure.actuators import Actuator
 from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length
 from tensegrity_codegen.structure.bodies import BodySystem

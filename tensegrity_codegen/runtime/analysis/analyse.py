@@ -1,8 +1,8 @@
 """Analysis of a configuration: rank, self-stress, mechanisms, prestress, stability, modes."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,29 +10,153 @@ from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.analysis.analysis import Analysis
 from tensegrity_codegen.runtime.analysis.certificate import Certificate, check_balanced, find_certificate
-from tensegrity_codegen.runtime.analysis.configuration import Configuration, read_configuration
-from tensegrity_codegen.runtime.analysis.judge import judge
-from tensegrity_codegen.runtime.analysis.mechanisms import FreeMotions, find_free_motions
-from tensegrity_codegen.runtime.analysis.modes import find_modes
-from tensegrity_codegen.runtime.analysis.prestress import Prestress, find_prestress
-from tensegrity_codegen.runtime.analysis.prestress_stability import (
+from tensegrity_codegen.runtime.analysis.configuration import Configuration, find_modes, read_configuration
+from tensegrity_codegen.runtime.analysis.prestress import (
+    Prestress,
     PrestressStability,
+    find_prestress,
     find_prestress_stability,
     find_stabilising_prestress,
 )
-from tensegrity_codegen.runtime.analysis.rank import RANK_TOLERANCE, Rank, find_rank
-from tensegrity_codegen.runtime.model.interface import Model
-from tensegrity_codegen.runtime.model.require import require_model
+from tensegrity_codegen.runtime.analysis.rank import (
+    RANK_TOLERANCE,
+    FreeMotions,
+    Rank,
+    find_free_motions,
+    find_rank,
+)
+from tensegrity_codegen.runtime.model.interface import Model, require_model
 from tensegrity_codegen.runtime.statics.newton import find_stability
+from tensegrity_codegen.scene.names import describe_pieces
 from tensegrity_codegen.structure.member_limits import check_members
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_whole, is_number
-from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.system.errors import InvalidValueError, name_list
 
+UNDECIDED = (
+    "no tensions with every cable in tension exist beyond rounding, but the proof fails by rounding too: the "
+    "configuration is next to one where they exist"
+)
+UNJUDGED = "the present forces are not in balance, so that stability is not judged here: settle it first"
 MODES = 10
 # Residual, over the largest member force, up to which the present forces are in balance.
 BALANCE_TOLERANCE = 1e-6
 UNHELD_LOAD_TOLERANCE = 1e-9  # part of the loads on rigid motions that nothing holds
+
+
+def judge(analysis: Analysis, at: Configuration) -> Analysis:
+    """Return the analysis with its status, message and warnings."""
+    loaded = analysis.load_prestress
+    exists = analysis.prestress.is_found or (loaded is not None and loaded.is_found)
+    if not exists:
+        proof = analysis.certificate
+        status = "infeasible" if proof is not None and proof.is_verified else "undecided"
+        message = _describe_proof(analysis, at) if status == "infeasible" else UNDECIDED
+    elif not analysis.stability.is_stable:
+        value = analysis.stability.smallest_eigenvalue
+        kind = (
+            "no stiffness"
+            if abs(value) < 1e-9
+            else f"a stiffness of {value:.3g} of the largest force density"
+        )
+        status = "unstable"
+        message = f"the tensions found give a mechanism {kind}: they do not hold the shape"
+    elif analysis.is_balanced and analysis.stiffness.is_unstable:
+        status = "unstable"
+        message = (
+            "at the present tensions the structure is in an unstable equilibrium: the smallest eigenvalue of "
+            f"its stiffness is {analysis.smallest_eigenvalue:.6g}"
+        )
+    else:
+        status = "stable"
+        message = "; but ".join([_describe_tensions(analysis, at), *_find_flaws(analysis, at)])
+    return replace(analysis, status=status, message=message, warnings=_find_warnings(analysis, at))
+
+
+def _describe_proof(analysis: Analysis, at: Configuration) -> str:
+    """Return which cables can only be slack."""
+    assert analysis.certificate is not None
+    names = [at.manifest.member_name[e] for e in analysis.certificate.shortening]
+    shown = name_list(names, 6)
+    return (
+        f"no self-stress has every cable in tension: without loads {shown} can only be slack, since a motion "
+        f"shortens {'them' if len(names) > 1 else 'it'}, lengthens no cable and keeps the length of every bar"
+    )
+
+
+def _describe_tensions(analysis: Analysis, at: Configuration) -> str:
+    """Return what holds the structure."""
+    mechanisms = analysis.n_mechanisms
+    held = (
+        f"; they stiffen {f'all {mechanisms} mechanisms' if mechanisms > 1 else 'the only mechanism'}"
+        if mechanisms
+        else "; there is no mechanism"
+    )
+    if not at.tension_only.any():
+        return f"no member needs to be in tension{held.replace('they stiffen', 'self-stresses stiffen')}"
+    if not analysis.prestress.is_found:
+        return f"the loads keep every cable in tension{held}"
+    return f"self-stresses exist with every cable in tension{held}"
+
+
+def _find_flaws(analysis: Analysis, at: Configuration) -> list[str]:
+    """Return what is wrong at the present tensions of a structure that some prestress holds."""
+    flaws = analysis.members.describe()
+    if not analysis.is_balanced:
+        return [*flaws, UNJUDGED]
+    if analysis.stiffness.is_neutral or analysis.stiffness.is_unstable:
+        modes = analysis.modes
+        loose = 0 if modes is None else int((modes.frequency == 0.0).sum())
+        motions = (
+            "a motion has" if modes is None or not loose else f"{loose} of {len(modes.frequency)} modes have"
+        )
+        none = ", which are zero" if analysis.largest_force <= at.force_floor else ""
+        flaws.append(f"{motions} no stiffness at the present tensions{none}")
+    return flaws
+
+
+def _find_warnings(analysis: Analysis, at: Configuration) -> tuple[str, ...]:
+    """Return what a careful engineer would ask about, in sentences."""
+    sentences = [analysis.rank.warning] if analysis.rank.warning else []
+    contacts = at.problem.contacts
+    if contacts is not None and (slips := contacts.bristles(at.position)[1]).any():
+        feet = ", ".join(
+            name for name, slip in zip(contacts.structure.contact_name, slips, strict=True) if slip
+        )
+        sentences.append(
+            f"the feet {feet} are at the limit of friction, which holds them only across their slip"
+        )
+    if at.is_absent.any():
+        names = name_list(at.manifest.member_name[e] for e in at.is_absent.nonzero()[0])
+        sentences.append(f"slack, without length and left out of all tensions: {names}")
+    if len(analysis.parts) > 1:
+        sentences.append(describe_pieces([piece[0] for piece in analysis.parts]))
+    if analysis.load_note:
+        sentences.append(f"{analysis.load_note}; the prestress is that without loads")
+    sentences += [*analysis.members.describe(), *_describe_limits(analysis, at)]
+    if not analysis.is_balanced:
+        sentences.append(
+            f"the present forces are not in balance: the largest residual is {analysis.residual:.3g} N, the "
+            f"largest member force {analysis.largest_force:.3g} N"
+        )
+    return tuple(sentences)
+
+
+def _describe_limits(analysis: Analysis, at: Configuration) -> Iterator[str]:
+    """Clearance between bars, and the least stiffness."""
+    limits, distance = at.structure.limits, analysis.bar_distance
+    if distance is not None and distance.min(initial=math.inf) < limits.clearance:
+        pair = int(distance.argmin())
+        bar_1, bar_2 = at.manifest.bar_pair[pair]
+        yield (
+            f"the bars {bar_1} and {bar_2} are {distance[pair]:.6g} m apart, allowed is at least "
+            f"{limits.clearance:.6g} m"
+        )
+    if analysis.smallest_eigenvalue < limits.least_stiffness:
+        yield (
+            f"the smallest eigenvalue of the stiffness is {analysis.smallest_eigenvalue:.6g} N/m, allowed is "
+            f"at least {limits.least_stiffness:.6g} N/m"
+        )
 
 
 def analyse(
@@ -95,7 +219,7 @@ def analyse(
     stiffness = find_stability(at.problem, at.point)
     modes = find_modes(at, stiffness.neutral, n_modes) if model.has("mass_matrix") else None
     names = at.manifest.node_name
-    found = Analysis(
+    analysis = Analysis(
         status="",
         message="",
         node_position=at.position,
@@ -103,9 +227,9 @@ def analyse(
         member_tension=at.tension,
         residual=at.point.node_force,
         largest_force=at.point.largest_force,
-        is_balanced=_check_forces(at),
+        is_balanced=at.point.is_balanced(BALANCE_TOLERANCE, at.force_floor),
         rank=rank,
-        parts=tuple(tuple(names[node] for node in part) for part in at.separate_parts),
+        parts=tuple(tuple(names[node] for node in piece) for piece in at.separate_parts),
         rigid_motion=at.node_velocities(motions.rigid),
         mechanism=at.node_velocities(motions.mechanism),
         prestress=tensions.prestress,
@@ -124,7 +248,7 @@ def analyse(
         bar_distance=_find_bar_distance(at),
         warnings=(),
     )
-    return judge(found, at)
+    return judge(analysis, at)
 
 
 @dataclass(frozen=True)
@@ -151,8 +275,8 @@ def _find_tensions(at: Configuration, rank: Rank, motions: FreeMotions) -> _Tens
     if prestress.is_found and not best.is_stable and len(rank.selfstress):
         better = find_stabilising_prestress(at, motions, rank.selfstress, prestress)
         if better is not None:
-            least = float(better[only].min(initial=np.inf))
-            prestress = Prestress(True, better, least, float(np.abs(better).max()))
+            smallest = float(better[only].min(initial=np.inf))
+            prestress = Prestress(True, better, smallest, float(np.abs(better).max()))
             best = _find_stability(at, motions, prestress, loaded)
     return _Tensions(prestress, loaded, note, certificate, load_certificate, best)
 
@@ -160,19 +284,16 @@ def _find_tensions(at: Configuration, rank: Rank, motions: FreeMotions) -> _Tens
 def _find_stability(
     at: Configuration, motions: FreeMotions, prestress: Prestress, loaded: Prestress | None
 ) -> PrestressStability:
-    """Return the stability of the self-stress, which may be as large as wanted, else of the loaded state.
-
-    Self-stress does not hold rigid motions that the supports allow; there the loads decide.
-    """
+    """Return the stability of the self-stress; loads decide on rigid motions that it does not hold."""
     none = np.zeros((len(at.load), 0))
     if loaded is not None and not (prestress.is_found and prestress.tension.any()):
         return find_prestress_stability(at, motions, loaded.tension, loaded=True)
-    own = FreeMotions(none, motions.mechanism)
-    stability = find_prestress_stability(at, own, prestress.tension, loaded=False)
+    mechanisms = FreeMotions(none, motions.mechanism)
+    stability = find_prestress_stability(at, mechanisms, prestress.tension, loaded=False)
     if loaded is None or not stability.is_stable:
         return stability
-    whole = find_prestress_stability(at, FreeMotions(motions.rigid, none), loaded.tension, loaded=True)
-    return stability if whole.is_stable else whole
+    rigid = find_prestress_stability(at, FreeMotions(motions.rigid, none), loaded.tension, loaded=True)
+    return stability if rigid.is_stable else rigid
 
 
 def _describe_load(at: Configuration, rank: Rank, motions: FreeMotions) -> str:
@@ -195,11 +316,6 @@ def _find_bar_distance(at: Configuration) -> FloatArray | None:
     if not math.isfinite(at.structure.limits.clearance) or not at.problem.model.has("bar_distance"):
         return None
     return np.asarray(at.problem.compute("bar_distance", at.coordinate), dtype=float)
-
-
-def _check_forces(at: Configuration) -> bool:
-    """Return whether the present forces are in balance."""
-    return at.point.is_balanced(BALANCE_TOLERANCE, at.force_floor)
 
 
 def _check_options(rank_tolerance: float, n_modes: int) -> None:

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
-from tensegrity_codegen.runtime.analysis.modes import Modes
-from tensegrity_codegen.runtime.analysis.prestress import Prestress
-from tensegrity_codegen.runtime.analysis.prestress_stability import PrestressStability
+from tensegrity_codegen.runtime.analysis.configuration import Modes
+from tensegrity_codegen.runtime.analysis.prestress import Prestress, PrestressStability
 from tensegrity_codegen.runtime.analysis.rank import Rank
 from tensegrity_codegen.runtime.statics.newton import Stability
 from tensegrity_codegen.structure.member_limits import MemberChecks

@@ -67,20 +67,7 @@ class Certificate:
 
 
 def check_balanced(rank: Rank, load: FloatArray) -> bool:
-    """Return whether some tensions, of either sign, balance a load.
-
-    Parameters
-    ----------
-    rank : Rank
-        That of the equilibrium matrix A.
-    load : ndarray, shape (n_coordinates,) [N]
-        Loads.
-
-    Returns
-    -------
-    bool
-        Whether A t = load has a solution, up to 1e-9 of the loads.
-    """
+    """Return whether some tensions of either sign balance a load [N], up to 1e-9 of it."""
     return rank.find_tension(load)[1] <= BALANCE_TOLERANCE * float(np.linalg.norm(load))
 
 
@@ -139,34 +126,30 @@ def find_certificate(
     if not check_balanced(rank, force):
         pushed = rank.free_motion @ (rank.free_motion.T @ force)
         return _describe(equilibrium_matrix, tension_only, pushed, force, required)
-    found = None
+    certificate = None
     pull, any_slack = rank.find_tension(force)[0], required is not None
     for shortening in _find_shortenings(rank.selfstress, tension_only, pull, with_work=any_slack):
         motion = rank.find_displacement(-shortening)
-        found = _describe(equilibrium_matrix, tension_only, motion, force, required)
-        if found.is_verified:
-            return found
-    return found
+        certificate = _describe(equilibrium_matrix, tension_only, motion, force, required)
+        if certificate.is_verified:
+            return certificate
+    return certificate
 
 
 def _find_shortenings(
     selfstress: FloatArray, tension_only: NDArray[np.bool_], load_tension: FloatArray, *, with_work: bool
 ) -> Iterator[FloatArray]:
-    """Return shortenings (n_members,) of motions that may prove it, the largest 1, the best first.
-
-    Shortenings y >= 0 of cables belong to a motion where N y = 0, and loads do the work -t_load . y.
-    with_work: the last is the one in which loads do the most work.
-    """
+    """Return shortenings (n_members,), the largest 1, best first; with_work: last that of the most work."""
     cables = np.flatnonzero(tension_only)
     size = float(np.abs(load_tension).max(initial=0.0))
     pull = load_tension[cables] / size if size else np.zeros(len(cables))
     support = _find_support(selfstress[:, cables], pull)
-    for least in CHOSEN:
-        chosen = np.flatnonzero(support > least)
-        part = _find_even(selfstress[:, cables[chosen]], pull[chosen])
-        if part is not None and part.max() > 0.0:
+    for threshold in CHOSEN:
+        chosen = np.flatnonzero(support > threshold)
+        shortening = _find_even(selfstress[:, cables[chosen]], pull[chosen])
+        if shortening is not None and shortening.max() > 0.0:
             result = np.zeros(len(tension_only))
-            result[cables[chosen]] = part / part.max()
+            result[cables[chosen]] = shortening / shortening.max()
             yield result
     worked = _find_most_work(selfstress[:, cables], pull) if with_work and pull.any() else None
     if worked is not None and worked.max() > 0.0:
@@ -182,32 +165,29 @@ def _find_most_work(modes: FloatArray, pull: FloatArray) -> FloatArray | None:
     if free == 0:
         return None
     limit = np.repeat([0.0, 1.0], count)
-    part = find_optimum(pull @ basis, scipy.sparse.csr_array(scipy.sparse.vstack([-basis, basis])), limit)
-    return None if part is None else np.asarray(np.clip(basis @ part, 0.0, None))
+    weights = find_optimum(pull @ basis, scipy.sparse.csr_array(scipy.sparse.vstack([-basis, basis])), limit)
+    return None if weights is None else np.asarray(np.clip(basis @ weights, 0.0, None))
 
 
 def _find_support(modes: FloatArray, pull: FloatArray) -> FloatArray:
-    """Return for each cable the largest shortening up to 1 that was found in a motion which proves it, (n,).
-
-    Motions that shorten cables not yet found are added as long as there are any.
-    """
+    """Return for each cable its largest shortening up to 1 in a motion that proves it, (n,)."""
     basis = _find_null_space(modes)
     count, free = basis.shape
-    found = np.zeros(count)
+    largest = np.zeros(count)
     if free == 0:
-        return found
+        return largest
     rows = scipy.sparse.csr_array(
         scipy.sparse.vstack([-basis, basis, scipy.sparse.coo_array((pull @ basis)[None, :])])
     )
     limit = np.append(np.repeat([0.0, 1.0], count), 0.0)
     for _ in range(count):
-        missing = found <= CHOSEN[0]
-        part = find_optimum(-(basis.T @ missing.astype(float)), rows, limit)
-        shortening = np.zeros(count) if part is None else basis @ part
+        missing = largest <= CHOSEN[0]
+        weights = find_optimum(-(basis.T @ missing.astype(float)), rows, limit)
+        shortening = np.zeros(count) if weights is None else basis @ weights
         if not missing.any() or shortening[missing].max() <= CHOSEN[0]:
             break
-        found = np.maximum(found, shortening)
-    return found
+        largest = np.maximum(largest, shortening)
+    return largest
 
 
 def _find_even(modes: FloatArray, pull: FloatArray) -> FloatArray | None:
@@ -224,10 +204,10 @@ def _find_even(modes: FloatArray, pull: FloatArray) -> FloatArray | None:
     ]
     limit = np.append(np.repeat([0.0, 1.0], count), 0.0)
     cost = np.append(np.zeros(free), -1.0)
-    found = find_optimum(cost, scipy.sparse.csr_array(scipy.sparse.block_array(blocks)), limit)
-    if found is None:
+    optimum = find_optimum(cost, scipy.sparse.csr_array(scipy.sparse.block_array(blocks)), limit)
+    if optimum is None:
         return None
-    best: FloatArray = basis @ found[:-1]
+    best: FloatArray = basis @ optimum[:-1]
     if best.min() > 1 - OPTIMUM_TOLERANCE or count > MOST_EVEN:
         return best
     square = np.linalg.qr(basis.toarray())[0]
@@ -235,18 +215,15 @@ def _find_even(modes: FloatArray, pull: FloatArray) -> FloatArray | None:
     floor = np.concatenate(
         [np.full(count, best.min() * (1 - OPTIMUM_RELAXATION)), np.full(count, -1.0), [0.0]]
     )
-    part = find_least_norm(bounds, floor)
-    if part is None:
+    weights = find_least_norm(bounds, floor)
+    if weights is None:
         return best
-    smallest: FloatArray = square @ part
+    smallest: FloatArray = square @ weights
     return best if np.abs(smallest - best).max() <= OPTIMUM_TOLERANCE else smallest
 
 
 def _find_null_space(modes: FloatArray) -> Any:
-    """Return a sparse basis (n, k) of the vectors y with modes y = 0, modes (n_modes, n).
-
-    A few entries of y follow from the others, which are free.
-    """
+    """Return a sparse basis (n, k) of the vectors y with modes y = 0, modes (n_modes, n)."""
     count = modes.shape[1]
     if modes.size == 0:
         return scipy.sparse.csc_array(scipy.sparse.eye_array(count))

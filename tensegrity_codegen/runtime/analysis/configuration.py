@@ -5,6 +5,7 @@ to metres, so that the equilibrium matrix has no unit.
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -12,16 +13,16 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from tensegrity_codegen.runtime.analysis.mechanisms import build_part_motions, find_parts
+from tensegrity_codegen.runtime.analysis.rank import build_part_motions, find_parts
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_doubles
-from tensegrity_codegen.runtime.model.interface import Model
-from tensegrity_codegen.runtime.model.require import require_quantities
+from tensegrity_codegen.runtime.model.interface import Model, require_quantities
+from tensegrity_codegen.runtime.statics.constrained_problems import BarProblem
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, NonFiniteError
 from tensegrity_codegen.tables.formulations import find_formulation
 
 Subject = Structure | BodySystem
@@ -30,14 +31,11 @@ EPSILON = float(np.finfo(float).eps)
 LOAD_TOLERANCE = 1e-12  # loads below this part of the forces from which they are computed are rounding
 HELD = 1e-9  # part of the motion of contacts, below which a rigid motion does not move them
 DIFFERENCE_STEP = 1e-3  # of the extent of the structure: step of differences of fourth order
+ZERO_FREQUENCY_TOLERANCE = 1e-13  # part of the largest square of a frequency that counts as none
 
 
 class Configuration:
-    """A configuration of nodes.
-
-    problem: the model with its arguments; point: the configuration with its forces; structure: what the model
-    was made from.
-    """
+    """A configuration of nodes with its forces, of a problem and the structure that it was made from."""
 
     def __init__(self, problem: StaticProblem, point: Point, structure: Subject) -> None:
         self.problem = problem
@@ -136,9 +134,7 @@ class GroundConfiguration(Configuration):
     @cached_property
     def free(self) -> FloatArray:
         """Orthonormal directions that no contact holds, (n_coordinates, n_directions)."""
-        contacts = self.problem.contacts
-        assert contacts is not None
-        held = contacts.find_held(self.position)
+        held = self.problem.ground_contacts.find_held(self.position)
         return np.asarray(scipy.linalg.null_space(held)) if len(held) else np.eye(len(self.coordinate))
 
     @cached_property
@@ -159,8 +155,8 @@ class GroundConfiguration(Configuration):
         """Orthonormal rigid motions of each part that anchors and contacts allow, (n_directions, k)."""
         rigid = build_part_motions(self.manifest, self.position, self.separate_parts)
         held = rigid - self.free @ (self.free.T @ rigid)
-        kept = scipy.linalg.null_space(held, rcond=HELD) if rigid.shape[1] else np.zeros((0, 0))
-        return np.asarray(self.free.T @ rigid @ kept)
+        free_combinations = scipy.linalg.null_space(held, rcond=HELD) if rigid.shape[1] else np.zeros((0, 0))
+        return np.asarray(self.free.T @ rigid @ free_combinations)
 
     def node_velocities(self, directions: FloatArray) -> FloatArray:
         """Return the node velocities (n_nodes, 3, k) of unit rates along directions (n_directions, k)."""
@@ -233,15 +229,7 @@ class BodyConfiguration(Configuration):
 def read_configuration(
     model: Model, coordinate: ArrayLike | None, arguments: Mapping[str, Any] | None
 ) -> Configuration:
-    """Return a configuration of a model.
-
-    model: with the quantities of an equilibrium, and `equilibrium_matrix`.
-    coordinate (n_coordinates,): coordinates; None: those of the scene.
-    arguments: inputs and parameters by name, where they differ from the scene.
-    Returns the configuration; that of rigid bars has the nearest coordinates at which they keep their
-    lengths. Raises InvalidValueError, NonFiniteError: a wrong shape, numbers that are not finite, or a member
-    without length; FormulationError: the model lacks a quantity.
-    """
+    """Return a configuration of a model, by default the scene's; rigid bars keep their lengths there."""
     problem = build_problem(model, arguments)
     require_quantities(model, ("equilibrium_matrix",), "an analysis of tensions needs")
     nominal = model.nominal("coordinate").ravel()
@@ -252,10 +240,10 @@ def read_configuration(
     structure = _find_structure(model)
     if not of_bodies:
         _check_lengths(problem, start, structure)
-    place = problem.to_search_coordinate(start)
+    search_coordinate = problem.to_search_coordinate(start)
     if problem.contacts is not None:
-        problem.contacts.rest(problem.node_position(place), problem.arguments.get("internal"))
-    point = problem.find_point(place)
+        problem.contacts.rest(problem.node_position(search_coordinate), problem.arguments.get("internal"))
+    point = problem.find_point(search_coordinate)
     if point is None:
         raise FormulationError(
             "the forces in this configuration are not finite",
@@ -291,11 +279,75 @@ def _check_lengths(problem: StaticProblem, coordinate: FloatArray, structure: Su
     short = np.flatnonzero(joined & ~np.asarray(structure.tension_only)[strands.member])
     if len(short):
         member = int(strands.member[short[0]])
-        first, second = (manifest.node_name[node] for node in strands.ends[short[0]])
+        node_1, node_2 = (manifest.node_name[node] for node in strands.ends[short[0]])
         raise InvalidValueError(
             "a member has no length",
             where=f"{manifest.name}: members.{manifest.member_name[member]}",
-            given=f"nodes {first} and {second} at the same place",
+            given=f"nodes {node_1} and {node_2} at the same place",
             allowed="two places, or a cable",
             hint="move one of the nodes, or leave out the member: a tension in it has no direction",
         )
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Small undamped vibrations about a configuration.
+
+    frequency (n_modes,) [Hz]: natural frequencies, ascending; 0 where a motion has no stiffness.
+    growth_rate (n_modes,) [1/s]: rates at which unstable modes grow; 0 for the others.
+    shape (n_nodes, 3, n_modes): displacements of the nodes, the largest of each mode 1.
+    n_rigid: number of rigid motions without stiffness, which are not among the modes.
+    n_total: number of modes there are; only the first are computed.
+    """
+
+    frequency: FloatArray
+    growth_rate: FloatArray
+    shape: FloatArray
+    n_rigid: int
+    n_total: int
+
+
+def find_modes(at: Configuration, rigid: FloatArray, count: int) -> Modes | None:
+    """Find the first modes, K v = (2 pi f)^2 H v, off the rigid ones (n, k); None where masses are zero."""
+    problem = at.problem
+    stiffness = np.asarray(problem.stiffness(at.coordinate).toarray())
+    mass = _find_mass(at)
+    if len(mass) and mass.diagonal().min() <= 0.0:
+        return None
+    basis = scipy.linalg.null_space(rigid.T @ mass) if rigid.shape[1] else np.eye(len(stiffness))
+    total = basis.shape[1]
+    if total == 0:
+        return Modes(np.zeros(0), np.zeros(0), np.zeros((len(at.position), 3, 0)), rigid.shape[1], 0)
+    k, m = (basis.T @ (matrix + matrix.T) @ basis / 2 for matrix in (stiffness, mass))
+    try:
+        value, vector = scipy.linalg.eigh(k, m)
+    except np.linalg.LinAlgError as error:
+        raise NonFiniteError(
+            f"the natural frequencies cannot be computed: {error}",
+            where=problem.model.manifest.name,
+            allowed="masses and stiffnesses whose quotients are numbers",
+        ) from error
+    chosen = slice(0, min(count, total))
+    square = np.where(np.abs(value) > ZERO_FREQUENCY_TOLERANCE * np.abs(value).max(), value, 0.0)[chosen]
+    shape = problem.node_velocities(at.coordinate, basis @ vector[:, chosen])
+    largest = np.linalg.norm(shape, axis=1).max(axis=0)
+    return Modes(
+        frequency=np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi),
+        growth_rate=np.sqrt(np.maximum(-square, 0.0)),
+        shape=shape / np.where(largest > 0, largest, 1.0),
+        n_rigid=rigid.shape[1],
+        n_total=total,
+    )
+
+
+def _find_mass(at: Configuration) -> FloatArray:
+    """Return the mass matrix over the directions of the static problem."""
+    problem = at.problem
+    mass = np.asarray(problem.compute("mass_matrix", at.coordinate).toarray())
+    if isinstance(problem, BarProblem):
+        directions = problem.directions(at.coordinate)
+        return np.asarray(directions.T @ mass @ directions)
+    if find_formulation(at.manifest.formulation).of_bodies:
+        scale = problem.scale  # type: ignore[attr-defined]
+        return np.asarray(mass / scale[:, None] / scale)
+    return mass

@@ -21,50 +21,29 @@ def find_optimum(
 ) -> FloatArray | None:
     """Find x with the least cost . x and rows x <= limit, to rounding; None where there is no such x.
 
-    Parameters
-    ----------
-    cost : ndarray, shape (n,)
-        Cost of each variable.
-    rows, limit : ndarray or sparse array, shape (n_rows, n), and ndarray, shape (n_rows,)
-        Inequalities.
-    rounds : int
-        Number of refinements.
-
-    Returns
-    -------
-    ndarray, shape (n,), or None
-        An optimal x.
-
-    Raises
-    ------
-    ConvergenceError
-        The solver (HiGHS) found no optimum for another reason, such as an unbounded cost.
-
-    Notes
-    -----
     The solver's tolerances would blur the ends of ranges. So where its solution is not exact to rounding, the
     problem is solved again for the change of x, with the slack of the inequalities magnified a million times,
-    twice (A. M. Gleixner, D. E. Steffy and
-    K. Wolter, "Iterative refinement for linear programming", INFORMS Journal on Computing 28, 2016).
+    twice (A. M. Gleixner, D. E. Steffy and K. Wolter, "Iterative refinement for linear programming", INFORMS
+    Journal on Computing 28, 2016).
     """
-    found = _solve(cost, rows, limit, None)
-    if found is None:
+    optimum = _solve(cost, rows, limit, None)
+    if optimum is None:
         return None
     for round_ in range(1, rounds + 1):
-        if float((rows @ found - limit).max(initial=0.0)) <= ROUNDING:
+        if float((rows @ optimum - limit).max(initial=0.0)) <= ROUNDING:
             break  # a vertex, exact to rounding
         zoom = REFINEMENT_SCALE**round_
-        slack = np.minimum((limit - rows @ found) / zoom, MAX_REFINEMENT / REFINEMENT_SCALE)
+        slack = np.minimum((limit - rows @ optimum) / zoom, MAX_REFINEMENT / REFINEMENT_SCALE)
         change = _solve(cost, rows, slack, MAX_REFINEMENT)
         if change is None:
             break  # rounding of the slack itself; what was found stays
-        better = found + zoom * change
+        better = optimum + zoom * change
         # Better is what violates the limits less, or as much at a lower cost.
         excess = max(float((rows @ better - limit).max(initial=0.0)), ROUNDING)
-        before = max(float((rows @ found - limit).max(initial=0.0)), ROUNDING)
-        if excess < before or (excess == before and float(cost @ (better - found)) < 0.0):
-            found = better
-    return found
+        before = max(float((rows @ optimum - limit).max(initial=0.0)), ROUNDING)
+        if excess < before or (excess == before and float(cost @ (better - optimum)) < 0.0):
+            optimum = better
+    return optimum
 
 
 def _solve(cost: FloatArray, rows: Any, limit: FloatArray, most: float | None) -> FloatArray | None:
@@ -90,18 +69,6 @@ def _solve(cost: FloatArray, rows: Any, limit: FloatArray, most: float | None) -
 def find_least_norm(rows: FloatArray, least: FloatArray) -> FloatArray | None:
     """Find the x of least norm with rows x >= least; None where there is none.
 
-    Parameters
-    ----------
-    rows, least : ndarray, shape (n_rows, n) and (n_rows,)
-        Inequalities.
-
-    Returns
-    -------
-    ndarray, shape (n,), or None
-        The unique solution.
-
-    Notes
-    -----
     C. L. Lawson and R. J. Hanson, "Solving least squares problems", 1974, chapter 23: least distance
     programming by non-negative least squares.
     """

@@ -1,19 +1,28 @@
-"""Rank of an equilibrium matrix, by the gap of its singular values."""
+"""Rank of an equilibrium matrix, by the gap of its singular values; free motions; numbers without a model."""
 
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.arrays import check_finite
+from tensegrity_codegen.runtime.statics.static_problem import build_rigid_motions
+from tensegrity_codegen.structure.pieces import find_pieces
+from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.manifest import Manifest
 
 MOST_ROWS = 3000  # coordinates or members; the dense decomposition of so many takes about a minute
 RANK_TOLERANCE = 1e-6  # of the largest singular value: larger ones never count as zero
 MIN_CLEAR_GAP = 1e3  # ratio of the two singular values at the gap from which the rank is clear
 NEAR_ZERO_FACTOR = 1e2  # times the tolerance: a smallest value below that is near to being zero
 EPSILON = float(np.finfo(float).eps)
+ZERO_MOTION_TOLERANCE = 1e-6  # part of a unit motion that counts as none
+ZERO_TOLERANCE = 1e-6  # of the largest singular value: as the default tolerance of `analyse`
+# Coordinates or members, of the smaller number, of a dense eigenvalue problem below a second.
+MAX_DENSE_SIZE = 1500
 
 
 @dataclass(frozen=True)
@@ -85,37 +94,13 @@ def find_rank(
     rounding: float = 0.0,
     absent: NDArray[np.bool_] | None = None,
 ) -> Rank:
-    """Find the rank of an equilibrium matrix, its self-stresses and its free motions.
+    """Find the rank of an equilibrium matrix (n_coordinates, n_members), self-stresses and free motions.
 
-    Parameters
-    ----------
-    matrix : ndarray, shape (n_coordinates, n_members)
-        Equilibrium matrix [1]: direction cosines of members.
-    tolerance : float
-        Singular values above this part of the largest one never count as zero.
-    rounding : float
-        Relative error of the entries, where it is larger than that of double precision: positions far from
-        the origin have less exact directions.
-    absent : ndarray of bool, shape (n_members,), optional
-        Members without length, and so without direction, that carry no tension.
-
-    Returns
-    -------
-    Rank
-        Rank, gap and null spaces.
-
-    Raises
-    ------
-    FormulationError
-        More than 3,000 coordinates or members.
-    NonFiniteError
-        The matrix is not finite.
-
-    Notes
-    -----
-    Counted as zero are all values after the largest ratio of consecutive ones, among those below the
-    tolerance (S. Pellegrino, "Structural computations with the singular value decomposition of the
-    equilibrium matrix", International Journal of Solids and Structures 30, 1993).
+    rounding: relative error of the entries where it is above that of double precision. absent: members
+    without length, and so without direction, that carry no tension. Counted as zero are all values after the
+    largest ratio of consecutive ones, among those below the tolerance (S. Pellegrino, "Structural
+    computations with the singular value decomposition of the equilibrium matrix", International Journal of
+    Solids and Structures 30, 1993).
     """
     check_finite(matrix, "equilibrium_matrix")
     _check_size(matrix)
@@ -125,18 +110,18 @@ def find_rank(
     right = np.zeros((len(own), m))
     right[:, present] = own
     largest = float(value.max(initial=0.0))
-    least = max(rounding, EPSILON) * 8 * max(n, m, 1)
+    rounding_bound = max(rounding, EPSILON) * 8 * max(n, m, 1)
     relative = value / largest if largest else value
-    rank = _find_cut(relative, tolerance, least)
+    rank = _find_cut(relative, tolerance, rounding_bound)
     above = float(value[rank - 1]) if rank else float("nan")
     below = float(value[rank]) if rank < len(value) else float("nan")
-    gap = above / max(below, least * largest) if rank and rank < len(value) else float("inf")
+    gap = above / max(below, rounding_bound * largest) if rank and rank < len(value) else float("inf")
     return Rank(
         rank=rank,
         largest_rank=len(value),
         singular_value=value,
         tolerance=tolerance,
-        rounding=least,
+        rounding=rounding_bound,
         above=above,
         below=below,
         gap=gap,
@@ -182,3 +167,85 @@ def _check_size(matrix: FloatArray) -> None:
             allowed=f"up to {MOST_ROWS} of each",
             hint="analyse a part of it, for example one module with its ends anchored",
         )
+
+
+@dataclass(frozen=True)
+class FreeMotions:
+    """Motions at which no member changes its length, to first order.
+
+    rigid (n_coordinates, n_rigid): orthonormal rigid motions, those of each part by itself.
+    mechanism (n_coordinates, n_mechanisms): orthonormal motions that change the shape of a part, orthogonal
+        to the rigid ones.
+    """
+
+    rigid: FloatArray
+    mechanism: FloatArray
+
+
+def find_free_motions(rank: Rank, rigid: FloatArray) -> FreeMotions:
+    """Return the free motions, given the rigid ones (n_coordinates, n_rigid), orthonormal."""
+    free = rank.free_motion
+    inner = free - rigid @ (rigid.T @ free)
+    directions, size, _ = np.linalg.svd(inner, full_matrices=False)
+    count = max(free.shape[1] - rigid.shape[1], 0)
+    count = min(count, int((size > ZERO_MOTION_TOLERANCE).sum()))
+    return FreeMotions(rigid, directions[:, :count])
+
+
+def find_parts(manifest: Manifest) -> tuple[tuple[int, ...], ...]:
+    """Return the nodes of each part of a structure that no members join to the others, by index."""
+    count = len(manifest.node_name)
+    ends = manifest.strands.ends
+    graph = scipy.sparse.coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(count, count))
+    _, label = scipy.sparse.csgraph.connected_components(graph, directed=False)
+    free = np.zeros(count, dtype=bool)
+    free[[node for node, _ in manifest.coordinate_node_axis]] = True
+    pieces = [np.flatnonzero(label == k) for k in range(int(label.max(initial=-1)) + 1)]
+    return tuple(tuple(int(n) for n in piece) for piece in pieces if free[piece].any())
+
+
+def build_part_motions(
+    manifest: Manifest, position: FloatArray, parts: tuple[tuple[int, ...], ...]
+) -> FloatArray:
+    """Return an orthonormal basis of the rigid motions of each part at node positions, (n_coordinates, k)."""
+    motions = [build_rigid_motions(manifest, position, nodes=piece) for piece in parts]
+    count = len(manifest.coordinate_node_axis)
+    return np.hstack(motions) if motions else np.zeros((count, 0))
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """Numbers of self-stresses, of mechanisms, and of rigid motions that the anchors permit."""
+
+    n_selfstress: int
+    n_mechanisms: int
+    n_rigid_motions: int
+
+
+def count_freedom(structure: Structure) -> Freedom | None:
+    """Count self-stresses and motions at the stated positions; None above 1,500 coordinates and members.
+
+    The rank is that of A A^T or A^T A, whichever is smaller: squares lose the digits by which `analyse`
+    tells a singular value of 1e-9 from rounding, so both count as zero here.
+    """
+    free = structure.coordinate_node_axis
+    n, m = len(free), structure.n_members
+    if min(n, m) > MAX_DENSE_SIZE:
+        return None
+    strands = structure.strands
+    start, end = strands.ends.T
+    matrix = np.zeros((structure.n_nodes, m, 3))
+    unit, _ = strands.directions(structure.node_position)
+    for node, sign in ((start, 1.0), (end, -1.0)):
+        np.add.at(matrix, (node, strands.member), sign * unit)
+    matrix = matrix[free[:, 0], :, free[:, 1]]
+    square = np.linalg.eigvalsh(matrix @ matrix.T if n < m else matrix.T @ matrix)
+    rank = int((square > ZERO_TOLERANCE**2 * square.max(initial=0.0)).sum())
+    piece = find_pieces(structure.n_nodes, start, end)[1]
+    rigid = sum(
+        build_rigid_motions(
+            structure, structure.node_position, nodes=np.flatnonzero(piece == k).tolist()
+        ).shape[1]
+        for k in np.unique(piece[free[:, 0]])
+    )
+    return Freedom(m - rank, max(n - rank - rigid, 0), rigid)

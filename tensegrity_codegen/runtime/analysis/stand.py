@@ -10,17 +10,15 @@ from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.contacts.contacts import compute_external_force
 from tensegrity_codegen.runtime.contacts.judge_stand import Stand, find_support_margin, judge_stand
-from tensegrity_codegen.runtime.model.arguments import apply_ground, check_arguments
+from tensegrity_codegen.runtime.model.arguments import apply_ground, check_arguments, merge_inputs
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_doubles
-from tensegrity_codegen.runtime.model.interface import Model
-from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.runtime.model.interface import Model, require_model
 from tensegrity_codegen.runtime.model.placement import place_nodes
-from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem, find_equilibrium
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
-from tensegrity_codegen.runtime.statics.newton import Outcome, find_minimum
-from tensegrity_codegen.runtime.statics.on_ground import Feet, continue_on_ground, describe_feet
-from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
+from tensegrity_codegen.runtime.statics.newton import FOUND, Outcome
+from tensegrity_codegen.runtime.statics.on_ground import Feet, describe_feet, step_on_ground
+from tensegrity_codegen.runtime.statics.static_problem import StaticProblem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_switch
@@ -94,19 +92,19 @@ def stand(
     """
     require_model(model)
     structure = require_ground(getattr(model, "structure", None), model.manifest.name)
-    given = merge_inputs(model.manifest, arguments)
-    check_arguments(model.manifest, given)
-    structure = structure.with_changes(ground=apply_ground(model, given))
+    values = merge_inputs(model.manifest, arguments)
+    check_arguments(model.manifest, values)
+    structure = structure.with_changes(ground=apply_ground(model, values))
     nominal = model.nominal("coordinate").ravel()
     friction = 0.0 if check_switch(frictionless, "frictionless") else None
-    external = compute_external_force(structure, model, given)
+    external = compute_external_force(structure, model, values)
     if isinstance(shape, Equilibrium):
         force = None if shape.feet is None else shape.feet.force
         return judge_stand(structure, shape.node_position, external, force=force, friction=friction)
     at = nominal if shape is None else to_doubles(shape, "shape", f"shape {nominal.shape}")
     check_shape(at, nominal.shape, "shape")
     check_finite(at, "shape")
-    position = place_nodes(model, at, given.get("anchor_position"))
+    position = place_nodes(model, at, values.get("anchor_position"))
     return judge_stand(structure, position, external, friction=friction)
 
 
@@ -161,36 +159,30 @@ def find_tips(
     frictionless: bool = False,
     progress: Progress | None = None,
 ) -> tuple[Tip, ...]:
-    """Find how far each cable must be shortened, alone, until the structure tips.
+    """Find how far each cable must be shortened, alone, until the structure tips; the least first.
 
-    model: compiled for ``"equilibrium"``, with the rest lengths of the cables as run-time parameters.
-    cables: cables; by default all whose rest length is a parameter.
-    arguments: inputs and other parameters by name, where they differ from the scene.
-    frictionless: without friction.
-    progress: called with the number of the cable, and its shortening [m].
-    Returns the cables that need least shortening first; those that do not tip it come last. Raises
-    ConvergenceError: the structure does not stand to begin with; UnknownNameError, FormulationError: a cable
-    whose rest length is no parameter of the model.
+    cables: by default all whose rest length is a parameter. progress: called with the number of the cable,
+    and its shortening [m]. Raises ConvergenceError where the structure does not stand to begin with.
 
     The tipping margin is followed down to zero: steps of the rest length, each equilibrium from the one
     before, with bristles that go on from there; the root is approached by secants from the side that stands.
     """
     require_model(model)
     require_ground(getattr(model, "structure", None), model.manifest.name)
-    spec = next((item for item in model.manifest.arguments if item.name == "rest_length"), None)
-    known = () if spec is None else spec.over
+    spec = next((argument for argument in model.manifest.arguments if argument.name == "rest_length"), None)
+    valid_names = () if spec is None else spec.over
     for name in cables:
-        check_choice(name, known, "cable", "cables")
-    given = merge_inputs(model.manifest, arguments)
-    begun = find_equilibrium(model, arguments=given, frictionless=frictionless, tolerance=TIGHT)
+        check_choice(name, valid_names, "cable", "cables")
+    values = merge_inputs(model.manifest, arguments)
+    begun = find_equilibrium(model, arguments=values, frictionless=frictionless, tolerance=TIGHT)
     assert begun.feet is not None
     friction = "slide" not in begun.feet.state
-    found = []
-    for number, name in enumerate(cables or known):
-        course = _Shortening(model, given, known.index(name), begun, friction)
-        found.append(course.follow(name, None if progress is None else partial(progress, number)))
+    tips = []
+    for number, name in enumerate(cables or valid_names):
+        course = _Shortening(model, values, valid_names.index(name), begun, friction)
+        tips.append(course.follow(name, None if progress is None else partial(progress, number)))
     order = {"tips": 0, "slides": 1}
-    return tuple(sorted(found, key=lambda tip: (order.get(tip.status, 2), tip.shortening)))
+    return tuple(sorted(tips, key=lambda tip: (order.get(tip.status, 2), tip.shortening)))
 
 
 @dataclass(frozen=True)
@@ -220,28 +212,32 @@ class _Shortening:
 
     def follow(self, name: str, progress: Callable[[float], None] | None) -> Tip:
         """Return where the margin vanishes, by a line through the last two equilibria."""
-        whole = float(self.length[self.column])
+        rest_length = float(self.length[self.column])
         here = self.begun
-        step, status, message = FIRST_STEP * whole, "stands", ""
-        while here.shortening < MOST_SHORTENING * whole:
-            target = min(here.shortening + step, MOST_SHORTENING * whole)
+        step, status, message = FIRST_STEP * rest_length, "stands", ""
+        while here.shortening < MOST_SHORTENING * rest_length:
+            target = min(here.shortening + step, MOST_SHORTENING * rest_length)
             if progress is not None:
                 progress(target)
-            found = self._settle(target, here)
-            jump = 0.0 if isinstance(found, Outcome) else float(np.abs(found.position - here.position).max())
-            if isinstance(found, Outcome) or jump > MOST_JUMP * self.size:
+            outcome = self._settle(target, here)
+            jump = (
+                0.0 if isinstance(outcome, Outcome) else float(np.abs(outcome.position - here.position).max())
+            )
+            if isinstance(outcome, Outcome) or jump > MOST_JUMP * self.size:
                 status, message = "snaps", f"a node jumps by {jump:.3g} m"
-                if isinstance(found, Outcome):
-                    status, message = found.status, found.message
+                if isinstance(outcome, Outcome):
+                    status, message = outcome.status, outcome.message
                 step /= 4
-                if step < ROOT * whole:
+                if step < ROOT * rest_length:
                     break
                 continue
-            before, here, status = here, found, "stands"
-            left = _find_left(before, here)
-            if left <= ROOT * whole:
-                return self._record(name, "tips", here, before, left, "")
-            step = min(2 * step, MOST_STEP * whole, NEAR_ROOT * left)
+            before, here, status = here, outcome, "stands"
+            # How much further, until the margin vanishes; inf where it grows.
+            slope = (here.margin - before.margin) / (here.shortening - before.shortening)
+            remaining = -here.margin / slope if slope < 0.0 else np.inf
+            if remaining <= ROOT * rest_length:
+                return self._record(name, "tips", here, before, remaining, "")
+            step = min(2 * step, MOST_STEP * rest_length, NEAR_ROOT * remaining)
         return self._record(name, status, here, here, 0.0, message)
 
     def _settle(self, shortening: float, state: _State) -> "_State | Outcome":
@@ -249,41 +245,28 @@ class _Shortening:
         length = self.length.copy()
         length[self.column] -= shortening
         problem = build_problem(self.model, {**self.given, "rest_length": length})
-        contacts = problem.contacts
-        assert contacts is not None
-        contacts.friction = self.friction
-        contacts.begin(state.position, state.feet.internal if self.friction else None)
-        start = problem.to_search_coordinate(state.coordinate)
-        problem.watch_stiff_members(start)
-
-        def search(point: Point) -> Outcome:
-            return find_minimum(problem, point, tolerance=TIGHT, max_iterations=MOST_ITERATIONS)
-
-        outcome = continue_on_ground(problem, start, search, tolerance=TIGHT)
-        if outcome.status not in ("converged", "rounding_limited"):
+        problem.ground_contacts.friction = self.friction
+        reached = state.coordinate, state.position, state.feet
+        outcome = step_on_ground(problem, *reached, tolerance=TIGHT, max_iterations=MOST_ITERATIONS)
+        if outcome.status not in FOUND:
             return outcome
         at = outcome.point.coordinate
         return self._judge(shortening, problem, at, describe_feet(problem, at))
 
     def _judge(self, shortening: float, problem: StaticProblem, at: FloatArray, feet: Feet) -> _State:
-        contacts, position = problem.contacts, problem.node_position(at)
-        assert contacts is not None
+        contacts, position = problem.ground_contacts, problem.node_position(at)
         margin, edge = find_support_margin(contacts.structure, position, contacts.external, feet.force)
         return _State(shortening, at, position, feet, margin, edge)
 
-    def _record(self, name: str, status: str, here: _State, before: _State, left: float, message: str) -> Tip:
+    def _record(
+        self, name: str, status: str, here: _State, before: _State, remaining: float, message: str
+    ) -> Tip:
         """Return what happens at the shortening `left` beyond the last equilibrium, to first order."""
         feet = here.feet
-        presses = np.array([word != "open" for word in feet.state])
-        foot = tuple(word for word, pressed in zip(feet.node_name, presses, strict=True) if pressed)
+        presses = np.array([state != "open" for state in feet.state])
+        foot = tuple(state for state, pressed in zip(feet.node_name, presses, strict=True) if pressed)
         step = here.shortening - before.shortening
-        force = feet.force + (feet.force - before.feet.force) * (left / step if step else 0.0)
-        shortening = here.shortening + left
-        rest = float(self.length[self.column]) - shortening
-        return Tip(name, status, rest, shortening, here.edge, foot, force[presses], message)
-
-
-def _find_left(before: _State, here: _State) -> float:
-    """Return how much further a cable must be shortened until the margin vanishes, inf where it grows."""
-    slope = (here.margin - before.margin) / (here.shortening - before.shortening)
-    return -here.margin / slope if slope < 0.0 else np.inf
+        force = feet.force + (feet.force - before.feet.force) * (remaining / step if step else 0.0)
+        shortening = here.shortening + remaining
+        rest_length = float(self.length[self.column]) - shortening
+        return Tip(name, status, rest_length, shortening, here.edge, foot, force[presses], message)

@@ -51,11 +51,11 @@ class Contacts:
         self.dragged: FloatArray | None = None
         self.load_factor = 1.0
         self.external = compute_external_force(self.structure, model, arguments)
-        place = self.structure.coordinate_node_axis
+        node_axis = self.structure.coordinate_node_axis
         node = {int(n): c for c, n in enumerate(ground.node)}
-        rows = [(node[int(n)], int(axis), k) for k, (n, axis) in enumerate(place) if int(n) in node]
+        rows = [(node[int(n)], int(axis), k) for k, (n, axis) in enumerate(node_axis) if int(n) in node]
         contact, axis, column = np.array(rows, dtype=np.int64).reshape(-1, 3).T
-        shape = (3 * ground.n_contacts, len(place))
+        shape = (3 * ground.n_contacts, len(node_axis))
         self.motion = scipy.sparse.csr_array((np.ones(len(rows)), (3 * contact + axis, column)), shape=shape)
         self.start: FloatArray | None = None  # (n_contacts, 3), x0 [m]
         self.start_bristle = np.zeros((ground.n_contacts, len(self.tangents)))
@@ -87,8 +87,8 @@ class Contacts:
         self.start = np.array(position[self.ground.node])
         self.start_depth = self.depth(position)
         shape, size = self.start_bristle.shape, self.start_bristle.size
-        given = np.zeros(size) if bristle is None else np.ravel(bristle)[:size]
-        self.start_bristle = given.reshape(shape)
+        values = np.zeros(size) if bristle is None else np.ravel(bristle)[:size]
+        self.start_bristle = values.reshape(shape)
 
     def rest(self, position: FloatArray, bristle: FloatArray | None) -> None:
         """Take a state at rest, bristles zero if None; feet within rounding of their limit slip."""
@@ -156,18 +156,18 @@ class Contacts:
         for c in range(ground.n_contacts):
             length = float(np.linalg.norm(trial[c]))
             along = trial[c] / length if slips[c] else 0.0 * trial[c]
-            rest = np.eye(len(along)) - np.outer(along, along)
+            across = np.eye(len(along)) - np.outer(along, along)
             if not exact and self.limit is None:
                 holds = depth[c] > 0 if self.limited else self.start_depth[c] >= 0
-                block = kt * holds * self.tangents.T @ rest @ self.tangents
+                block = kt * holds * self.tangents.T @ across @ self.tangents
             elif not slips[c]:
                 block = kt * self.tangents.T @ slope[c]
             else:
-                share = float(np.linalg.norm(bristle[c])) / length
+                fraction = float(np.linalg.norm(bristle[c])) / length
                 gain = ground.friction * ground.exponent * ground.stiffness
                 gain *= 0.0 if self.limit is not None else 1.0
                 gain *= max(depth[c], 0.0) ** (ground.exponent - 1.0) * (depth[c] > 0)
-                block = kt * share * self.tangents.T @ rest @ slope[c]
+                block = kt * fraction * self.tangents.T @ across @ slope[c]
                 block = block - gain * np.outer(self.tangents.T @ along, ground.normal)
             blocks.append(block)
         return scipy.sparse.csc_array(self.motion.T @ scipy.sparse.block_diag(blocks) @ self.motion)
@@ -178,8 +178,8 @@ class Contacts:
         if quantity == "tangent_stiffness":
             return value + self.friction_stiffness(position, exact=self.exact)
         if missing and quantity == "node_residual":
-            place = self.structure.coordinate_node_axis
-            return value - missing * self.external[place[:, 0], place[:, 1]]
+            node_axis = self.structure.coordinate_node_axis
+            return value - missing * self.external[node_axis[:, 0], node_axis[:, 1]]
         if quantity == "potential_energy":
             slipped = self._find_slip_energy(position) if self.limit is not None else 0.0
             return value + missing * float(np.sum(self.external * position)) + slipped
@@ -188,8 +188,8 @@ class Contacts:
     def _find_slip_energy(self, position: FloatArray) -> float:
         """Return the energy of friction F with constant limits besides kt s^2 / 2, sum F (|T| - |s|) [J]."""
         trial, (bristle, _) = self._find_trial(position), self.bristles(position)
-        size, left = np.linalg.norm(trial, axis=1), np.linalg.norm(bristle, axis=1)
-        return float(np.sum(self.ground.stick_stiffness * left * (size - left)))
+        size, stretched = np.linalg.norm(trial, axis=1), np.linalg.norm(bristle, axis=1)
+        return float(np.sum(self.ground.stick_stiffness * stretched * (size - stretched)))
 
     def _find_trial(self, position: FloatArray) -> FloatArray:
         """Return T, what the bristles would be without a limit, (n_contacts, n_tangents) [m]."""
@@ -209,18 +209,14 @@ class Contacts:
         return slope - (change[:, None] * moved)[:, :, None] * self.ground.normal
 
     def _weigh(self, position: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray, FloatArray]:
-        """Return of each contact: way along tangents since x0 [m], depth [m], closed at x0, closes, share.
-
-        The share is the part of the way that the bristle goes: all of it where the contact was closed, the
-        part after it closed where it closes on the way.
-        """
+        """Return way in the plane and depth [m], closed at x0, closes, and the part of bristles' way."""
         assert self.start is not None
         moved = (position[self.ground.node] - self.start) @ self.tangents.T
         depth, before = self.depth(position), self.start_depth
         closed = before >= 0.0
         closes = ~closed & (depth > 0) & (self.limited and self.limit is None)
-        share = np.where(closed, 1.0, np.where(closes, depth / np.where(closes, depth - before, 1.0), 0.0))
-        return moved, depth, closed, closes, share
+        fraction = np.where(closed, 1.0, np.where(closes, depth / np.where(closes, depth - before, 1.0), 0.0))
+        return moved, depth, closed, closes, fraction
 
 
 def compute_external_force(structure: Structure, model: Model, arguments: Mapping[str, Any]) -> FloatArray:

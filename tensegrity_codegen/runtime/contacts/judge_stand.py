@@ -6,20 +6,151 @@ from typing import Any
 import numpy as np
 import scipy
 
-from tensegrity_codegen.runtime.contacts.foot_forces import (
-    GAP,
-    FootProblem,
-    find_foot_forces,
-    find_least_friction,
-)
 from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
-from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.system.errors import ConvergenceError, FormulationError
 
+GAP = 1e-9  # of the force on the feet: by how much cones may be violated
+CUT_GAP = 1e-12  # the same up to which planes are added, as long as that helps
+MOST_CUTS = 30  # rounds of cutting planes
+FIRST_CUTS = 8  # planes about each cone to begin with
+LARGEST_FRICTION = 1e3  # coefficient from which on friction counts as unlimited
+OPTIONS: Any = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
 TOUCH = 1e-6  # of the structure's size: distance above the lowest contact up to which a contact is a foot
 LINE = 1e-9  # of the structure's size: width up to which feet lie on a line
 ROUNDING = 1e-12  # of the loads on all nodes: a resultant that is zero
+
+
+@dataclass(frozen=True)
+class FootProblem:
+    """A rigid structure on its feet.
+
+    place: (n_feet, 3) [m], from the centre of the feet. wrench: force [N] and moment [N m] of weights and
+    loads about that centre, (6,). frame: rows normal, tangents. moving: which of the six rigid motions the
+    modelled axes have. size: largest distance of a foot, or 1 [m].
+    """
+
+    place: FloatArray
+    wrench: FloatArray
+    frame: FloatArray
+    moving: BoolArray
+    size: float
+
+    @property
+    def matrix(self) -> FloatArray:
+        """G over the components (N, F) of each foot in `frame`, moments over `size`, (k, n_feet * n)."""
+        columns = []
+        for x in self.place:
+            for axis, sign in zip(self.frame, (1.0, *[-1.0] * (len(self.frame) - 1)), strict=True):
+                columns.append(np.concatenate([sign * axis, sign * np.cross(x, axis) / self.size]))
+        return np.array(columns).T[self.moving]
+
+    @property
+    def load(self) -> FloatArray:
+        """W without the motions that there are not, moments over `size`, (k,) [N]."""
+        return np.concatenate([self.wrench[:3], self.wrench[3:] / self.size])[self.moving]
+
+    def velocities(self, motion: FloatArray) -> FloatArray:
+        """Return the velocities (n_feet, n) of a rigid motion (k,), along `frame`."""
+        rigid_motion = np.zeros(6)
+        rigid_motion[self.moving] = motion
+        moved = rigid_motion[:3] + np.cross(rigid_motion[3:] / self.size, self.place)
+        return np.asarray(moved @ self.frame.T)
+
+
+@dataclass(frozen=True)
+class FootForces:
+    """Whether forces of feet exist at a coefficient of friction.
+
+    force: (n_feet, n) N and F of each, those that violate the cones least. excess: that violation [N], its
+    least possible value up to `gap` [N]. motion: (k,) of the certificate, where there are no such forces.
+    """
+
+    force: FloatArray
+    excess: float
+    gap: float
+    motion: FloatArray
+
+
+def find_foot_forces(problem: FootProblem, friction: float) -> FootForces:
+    """Return the forces with the least excess tau, |F_i| <= mu N_i + tau, N_i >= 0, by cutting planes.
+
+    The planes lie about the cones, so that the optimum of the linear program is a lower bound of tau, and
+    its multipliers are a rigid motion that is exact where tau > 0.
+    """
+    matrix, load = problem.matrix, problem.load
+    width = len(problem.frame)
+    count, tangents = len(problem.place), width - 1
+    scale = float(np.linalg.norm(load)) or 1.0
+    angle = 2 * np.pi * np.arange(FIRST_CUTS) / FIRST_CUTS
+    directions = (
+        np.array([[1.0], [-1.0]]) if tangents == 1 else np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    )
+    cuts = [(i, direction) for i in range(count) for direction in directions]
+    equal = np.hstack([matrix, np.zeros((len(matrix), 1))])
+    bounds: Any = [(0.0 if k % width == 0 else None, None) for k in range(count * width)] + [(None, None)]
+    cost = np.zeros(count * width + 1)
+    cost[-1] = 1.0
+    previous_gap = np.inf
+    for _ in range(MOST_CUTS):
+        rows = np.zeros((len(cuts), count * width + 1))
+        for row, (i, direction) in zip(rows, cuts, strict=True):
+            row[i * width] = -friction
+            row[i * width + 1 : (i + 1) * width] = direction
+            row[-1] = -1.0
+        optimum = scipy.optimize.linprog(
+            cost, rows, np.zeros(len(cuts)), equal, -load / scale, bounds, method="highs", options=OPTIONS
+        )
+        if optimum.status != 0:
+            return FootForces(np.zeros((count, width)), np.inf, 0.0, _find_tip(problem))
+        solution = np.asarray(optimum.x)
+        force = solution[:-1].reshape(count, width)
+        size = np.linalg.norm(force[:, 1:], axis=1)
+        excess = float((size - friction * force[:, 0]).max())
+        gap = excess - float(solution[-1])
+        if gap <= CUT_GAP or (gap <= GAP and gap > previous_gap / 2):
+            break
+        previous_gap = gap
+        violated = np.flatnonzero(size - friction * force[:, 0] > solution[-1] + gap / 2)
+        cuts += [(int(i), force[i, 1:] / size[i]) for i in violated]
+    return FootForces(force * scale, excess * scale, gap * scale, -optimum.eqlin.marginals)
+
+
+def find_least_friction(problem: FootProblem) -> float:
+    """Return the least coefficient of friction with which foot forces exist; inf where none is enough."""
+    scale = float(np.linalg.norm(problem.load)) or 1.0
+
+    def excess(friction: float) -> float:
+        forces = find_foot_forces(problem, friction)
+        return (forces.excess - forces.gap) / scale  # the bound of the program is the more exact one
+
+    if excess(0.0) <= GAP:
+        return 0.0
+    if excess(LARGEST_FRICTION) > 0.0:
+        return np.inf
+    low, high = 0.0, 1.0
+    while excess(high) > 0.0:
+        low, high = high, 10 * high
+    return float(scipy.optimize.brentq(excess, low, min(high, LARGEST_FRICTION), xtol=1e-13, rtol=1e-12))
+
+
+def _find_tip(problem: FootProblem) -> FloatArray:
+    """Return a rigid motion (k,) that lifts no foot below the plane, along which loads do most work."""
+    velocity = np.array([problem.velocities(unit) for unit in np.eye(len(problem.load))])  # (k, n_feet, n)
+    still = velocity[:, :, 1:].reshape(len(velocity), -1).T
+    optimum = scipy.optimize.linprog(
+        -problem.load, -velocity[:, :, 0].T, np.zeros(len(problem.place)), still, np.zeros(len(still)),
+        (-1.0, 1.0), method="highs", options=OPTIONS,
+    )  # fmt: skip
+    if optimum.status != 0:
+        raise ConvergenceError(
+            f"the linear program was not solved: {optimum.message}",
+            evidence={"status": int(optimum.status)},
+            where="HiGHS",
+            hint="check that all positions and loads are of sensible size",
+        )
+    return np.asarray(optimum.x)
 
 
 @dataclass(frozen=True)
@@ -154,55 +285,57 @@ class _Judge:
     def judge(self) -> Stand:
         node = self.ground.node[self.feet]
         name = tuple(self.structure.node_name[k] for k in node)
-        place = self.position[node]
+        position = self.position[node]
         frame = np.vstack([self.ground.normal, self.ground.tangents(self.structure.axes)])
         total = self.external.sum(axis=0)
         moment = np.cross(self.position, self.external).sum(axis=0)
-        centre = place.mean(axis=0) if len(place) else self.position.mean(axis=0)
+        centre = position.mean(axis=0) if len(position) else self.position.mean(axis=0)
         nan = np.full(3, np.nan)
-        unknown = np.full((len(place), 3), np.nan)
-        known = Stand(
-            "", "", total, moment, name, place, unknown, "", nan, np.nan, (), self.mu, np.inf, np.inf, None
+        unknown = np.full((len(position), 3), np.nan)
+        stand = Stand(
+            "", "", total, moment, name, position, unknown, "", nan, np.nan, (), self.mu, np.inf, np.inf, None
         )
-        if not len(place):
+        if not len(position):
             high = -float(self.ground.compute_depth(self.position).max())
-            return _say(known, "no_foot", f"no foot: the lowest contact is {high:.6g} m above the ground")
+            return _say(stand, "no_foot", f"no foot: the lowest contact is {high:.6g} m above the ground")
         press = -float(total @ self.ground.normal)
         if press <= ROUNDING * float(np.abs(self.external).sum()):
-            return _say(known, "lifts_off", "nothing presses it onto the ground")
+            return _say(stand, "lifts_off", "nothing presses it onto the ground")
         about = moment - np.cross(centre, total)
-        reach, margin, edge = _find_support(self.structure, place, self.position, self.external)
+        reach, margin, edge = _find_support(self.structure, position, self.position, self.external)
         problem = FootProblem(
-            place - centre, np.concatenate([total, about]), frame, self._moving(), self.size
+            position - centre, np.concatenate([total, about]), frame, self._moving(), self.size
         )
-        known = replace(
-            known, centre_of_pressure=reach, tipping_margin=margin, edge=tuple(name[k] for k in edge)
+        stand = replace(
+            stand, centre_of_pressure=reach, tipping_margin=margin, edge=tuple(name[k] for k in edge)
         )
-        return self._with_forces(known, problem, frame)
+        return self._with_forces(stand, problem, frame)
 
     def _moving(self) -> BoolArray:
         """Return which motions there are: slides along modelled axes, turns in planes of two of them."""
         axes = self.structure.axes
         slides = [axis in axes for axis in range(3)]
-        turns = [all(other in axes for other in range(3) if other != axis) for axis in range(3)]
+        turns = [
+            all(other_axis in axes for other_axis in range(3) if other_axis != axis) for axis in range(3)
+        ]
         return np.array(slides + turns)
 
-    def _with_forces(self, known: Stand, problem: FootProblem, frame: FloatArray) -> Stand:
+    def _with_forces(self, stand: Stand, problem: FootProblem, frame: FloatArray) -> Stand:
         """Return the verdict, with forces and their proof."""
-        found = find_foot_forces(problem, self.mu)
+        foot_forces = find_foot_forces(problem, self.mu)
         scale = float(np.linalg.norm(problem.load))
-        needed = np.inf if np.isinf(found.excess) else find_least_friction(problem)
-        exists = found.excess <= GAP * scale
+        needed = np.inf if np.isinf(foot_forces.excess) else find_least_friction(problem)
+        exists = foot_forces.excess <= GAP * scale
         sign = np.array([1.0, *[-1.0] * (len(frame) - 1)])
-        force = (found.force * sign) @ frame if np.isfinite(found.excess) else known.force
+        force = (foot_forces.force * sign) @ frame if np.isfinite(foot_forces.excess) else stand.force
         distribution = ""
         if exists:
             force, distribution = self._distribute(problem, force, frame)
-        known = replace(
-            known, force=force, distribution=distribution, friction_needed=needed, excess=found.excess,
-            motion=None if exists else self._move(problem, found.motion),
+        stand = replace(
+            stand, force=force, distribution=distribution, friction_needed=needed, excess=foot_forces.excess,
+            motion=None if exists else self._move(problem, foot_forces.motion),
         )  # fmt: skip
-        return self._name(known, exists)
+        return self._name(stand, exists)
 
     def _distribute(
         self, problem: FootProblem, force: FloatArray, frame: FloatArray
@@ -212,67 +345,62 @@ class _Judge:
             return self.given[self.feet], "equilibrium"
         matrix = problem.matrix
         rank = int(np.linalg.matrix_rank(matrix, tol=1e-9))
-        least = -np.linalg.lstsq(matrix, problem.load, rcond=1e-12)[0].reshape(-1, len(frame))
+        smallest = -np.linalg.lstsq(matrix, problem.load, rcond=1e-12)[0].reshape(-1, len(frame))
         if not self.mu:  # normal forces alone
             normal = matrix[:, :: len(frame)]
             rank = int(np.linalg.matrix_rank(normal, tol=1e-9))
-            least = np.zeros_like(least)
-            least[:, 0] = -np.linalg.lstsq(normal, problem.load, rcond=1e-12)[0]
-        tangential = np.linalg.norm(least[:, 1:], axis=1)
+            smallest = np.zeros_like(smallest)
+            smallest[:, 0] = -np.linalg.lstsq(normal, problem.load, rcond=1e-12)[0]
+        tangential = np.linalg.norm(smallest[:, 1:], axis=1)
         scale = float(np.linalg.norm(problem.load))
         is_allowed = bool(
-            (least[:, 0] >= 0.0).all() and (tangential <= self.mu * least[:, 0] + GAP * scale).all()
+            (smallest[:, 0] >= 0.0).all() and (tangential <= self.mu * smallest[:, 0] + GAP * scale).all()
         )
         if not is_allowed:
             return force, "feasible"
-        unknowns = len(least) if not self.mu else least.size
+        unknowns = len(smallest) if not self.mu else smallest.size
         sign = np.array([1.0, *[-1.0] * (len(frame) - 1)])
-        return (least * sign) @ frame, "statics" if unknowns <= rank else "least_squares"
+        return (smallest * sign) @ frame, "statics" if unknowns <= rank else "least_squares"
 
     def _move(self, problem: FootProblem, motion: FloatArray) -> FloatArray:
         """Return the velocities of all nodes in a certificate, at unit power of the loads."""
-        whole = np.zeros(6)
-        whole[problem.moving] = motion
+        rigid_motion = np.zeros(6)
+        rigid_motion[problem.moving] = motion
         centre = self.position[self.ground.node[self.feet]].mean(axis=0)
-        moved = whole[:3] + np.cross(whole[3:] / problem.size, self.position - centre)
+        moved = rigid_motion[:3] + np.cross(rigid_motion[3:] / problem.size, self.position - centre)
         power = float(motion @ problem.load)
         return np.asarray(moved / power if power > 0 else moved)
 
-    def _name(self, known: Stand, exists: bool) -> Stand:
+    def _name(self, stand: Stand, exists: bool) -> Stand:
         """Return the verdict in words."""
-        margin, planar = known.tipping_margin, len(self.structure.axes) == 2
-        edge = " and ".join(known.edge)
-        line = not planar and _is_line(known.place, self.size)
-        if len(known.foot) == 1:
-            return _say(known, "one_foot", f"one foot, {known.foot[0]}: it balances at best")
+        margin, planar = stand.tipping_margin, len(self.structure.axes) == 2
+        edge = " and ".join(stand.edge)
+        line = not planar and _is_line(stand.place, self.size)
+        if len(stand.foot) == 1:
+            return _say(stand, "one_foot", f"one foot, {stand.foot[0]}: it balances at best")
         if line:
             away = f", from which its load is {-margin:.6g} m away" if margin < -ROUNDING * self.size else ""
             return _say(
-                known, "on_a_line", f"feet on a line, {', '.join(known.foot)}: it tips about it{away}"
+                stand, "on_a_line", f"feet on a line, {', '.join(stand.foot)}: it tips about it{away}"
             )
-        if margin < 0.0 or np.isinf(known.friction_needed):
+        if margin < 0.0 or np.isinf(stand.friction_needed):
             about = f"the edge between {edge}" if not planar else edge
             return _say(
-                known, "tips", f"tips about {about}: its load meets the ground {-margin:.6g} m outside"
+                stand, "tips", f"tips about {about}: its load meets the ground {-margin:.6g} m outside"
             )
         if not exists:
-            needs = f"needs a friction of {known.friction_needed:.9g}, the ground has {self.mu:.9g}"
-            return _say(known, "slides", f"slides: {needs}")
-        where = (
+            needs = f"needs a friction of {stand.friction_needed:.9g}, the ground has {self.mu:.9g}"
+            return _say(stand, "slides", f"slides: {needs}")
+        location = (
             f"{margin:.6g} m from the edge between {edge}" if not planar else f"{margin:.6g} m from {edge}"
         )
-        return _say(known, "stands", f"stands: its load meets the ground {where}")
+        return _say(stand, "stands", f"stands: its load meets the ground {location}")
 
 
 def find_support_margin(
     structure: Structure, position: FloatArray, external: FloatArray, force: FloatArray
 ) -> tuple[float, tuple[str, ...]]:
-    """Return the tipping margin [m] and its edge, for feet that press.
-
-    structure: with a ground; position, external (n_nodes, 3) [m, N]: shape, and weights and loads; force
-    (n_contacts, 3) [N]: forces of the ground.
-    Returns margin: see Stand; edge: its feet.
-    """
+    """Return the tipping margin [m] and its edge, for feet that press with forces (n_contacts, 3) [N]."""
     ground = structure.ground
     assert ground is not None
     node = ground.node[force @ ground.normal > 0.0]
@@ -294,22 +422,19 @@ def _find_support(
     return reach, *_find_margin((place - centre) @ along, (reach - centre) @ along, size)
 
 
-def _find_margin(place: FloatArray, at: FloatArray, size: float) -> tuple[float, tuple[int, ...]]:
-    """Return the least distance of a point from the edges of the hull of feet, and the feet of that edge.
-
-    place: (n_feet, 2) along the plane, (n_feet, 1) in planar scenes. Feet on a line have the width 0.
-    """
-    if place.shape[1] == 1:
-        low, high = int(place.argmin()), int(place.argmax())
-        left = [float(at[0] - place[low, 0]), float(place[high, 0] - at[0])]
-        return min(left), ((low, high)[int(np.argmin(left))],)
-    if _is_line(place, size):
-        ends = _find_ends(place)
-        first, last = place[list(ends)]
-        span = float((last - first) @ (last - first))
-        part = float(np.clip((at - first) @ (last - first) / span, 0.0, 1.0)) if span else 0.0
-        return -float(np.linalg.norm(at - first - part * (last - first))), tuple(dict.fromkeys(ends))
-    hull = scipy.spatial.ConvexHull(place)
+def _find_margin(points: FloatArray, at: FloatArray, size: float) -> tuple[float, tuple[int, ...]]:
+    """Return a point's least distance from edges of the hull of feet (n_feet, 1 or 2), and its feet."""
+    if points.shape[1] == 1:
+        low, high = int(points.argmin()), int(points.argmax())
+        distances = [float(at[0] - points[low, 0]), float(points[high, 0] - at[0])]
+        return min(distances), ((low, high)[int(np.argmin(distances))],)
+    if _is_line(points, size):
+        ends = _find_ends(points)
+        start, end = points[list(ends)]
+        span = float((end - start) @ (end - start))
+        fraction = float(np.clip((at - start) @ (end - start) / span, 0.0, 1.0)) if span else 0.0
+        return -float(np.linalg.norm(at - start - fraction * (end - start))), tuple(dict.fromkeys(ends))
+    hull = scipy.spatial.ConvexHull(points)
     inside = -(hull.equations[:, :2] @ at + hull.equations[:, 2])
     k = int(inside.argmin())
     return float(inside[k]), tuple(int(i) for i in np.sort(hull.simplices[k]))
@@ -328,8 +453,8 @@ def _find_ends(place: FloatArray) -> tuple[int, int]:
     return int(reach.argmin()), int(reach.argmax())
 
 
-def _say(known: Stand, verdict: str, message: str) -> Stand:
-    return replace(known, verdict=verdict, message=message)
+def _say(stand: Stand, verdict: str, message: str) -> Stand:
+    return replace(stand, verdict=verdict, message=message)
 
 
 def _jsonable(value: Any) -> Any:

@@ -34,10 +34,10 @@ class RestMemory:
     def __init__(self, model: Model, arguments: Mapping[str, Any]) -> None:
         names = model.manifest.internal_name
         nominal = model.nominal("internal")
-        given = to_sized(arguments.get("internal", nominal), nominal.shape, "internal")
-        check_finite(given, "internal", "the internal states are not finite")
-        flags = tuple(f"_{word}" for word in SET_STATES.values())
-        self.model, self.begun = model, np.where([name.endswith(flags) for name in names], 0.0, given)
+        states = to_sized(arguments.get("internal", nominal), nominal.shape, "internal")
+        check_finite(states, "internal", "the internal states are not finite")
+        flags = tuple(f"_{flag}" for flag in SET_STATES.values())
+        self.model, self.begun = model, np.where([name.endswith(flags) for name in names], 0.0, states)
         # Motors, which are at their commands at rest: internal state and input of each
         inputs = model.manifest.input_name
         self.motors = [(names.index(f"{m}{MOTOR_END}"), inputs.index(m)) for m in model.manifest.motor_name]
@@ -73,15 +73,12 @@ class RestMemory:
             return states
         command = np.asarray(given.get("input", self.model.nominal("input")), dtype=np.float64).reshape(-1)
         states = states.copy()
-        for k, place in self.motors:
-            states[k] = command[place]
+        for k, column in self.motors:
+            states[k] = command[column]
         return states
 
     def find_turned(self, here: FloatArray, behind: FloatArray, ahead: FloatArray) -> BoolArray:
-        """Return which members (n_plastic,) have flowed on their way here and flow back ahead of it.
-
-        here, behind, ahead: settled states at a point of a path, and a little before and beyond it.
-        """
+        """Return which members (n_plastic,) have flowed up to here and flow back ahead of it."""
         flow = self.flow
         size = ROUNDING * float(np.abs(here[flow]).max(initial=0.0))
         has_flowed = here[flow] - self.start[flow] > size
@@ -98,10 +95,7 @@ class RestMemory:
 def name_plastic(
     names: Sequence[str], internal: FloatArray | None, ends: str = "_plastic"
 ) -> dict[str, float]:
-    """Return the plastic elongations [m] among internal states (n_internal,), by member.
-
-    ends: of the names of the states that are chosen.
-    """
+    """Return the plastic elongations [m], or other states with these ends of names, by member."""
     values = [] if internal is None else internal.tolist()
     return {
         name.removesuffix(ends): value
@@ -112,14 +106,14 @@ def name_plastic(
 
 def describe_plastic(elongation: Mapping[str, float]) -> list[str]:
     """Return a line on members that have flowed, the farthest first; none where none has."""
-    flowed = sorted((item for item in elongation.items() if item[1]), key=lambda item: -abs(item[1]))
+    flowed = sorted((entry for entry in elongation.items() if entry[1]), key=lambda entry: -abs(entry[1]))
     shown = name_list([f"{name} {value:.6g} m" for name, value in flowed], MOST_SHOWN)
     return [f"plastic elongations at the end: {shown}"] if flowed else []
 
 
 def describe_slip(slid: Mapping[str, float]) -> list[str]:
     """Return a line on what has slipped at rings, the most first; none where nothing has."""
-    moved = sorted((item for item in slid.items() if item[1]), key=lambda item: -abs(item[1]))
+    moved = sorted((entry for entry in slid.items() if entry[1]), key=lambda entry: -abs(entry[1]))
     shown = name_list([f"behind {name} {value:.6g} m" for name, value in moved], MOST_SHOWN)
     return [f"slipped through rings: {shown}"] if moved else []
 

@@ -22,8 +22,8 @@ from tensegrity_codegen.runtime.integrate.raw_results import (
     say_unmonitored,
 )
 from tensegrity_codegen.runtime.model.arrays import to_batch
+from tensegrity_codegen.runtime.model.interface import require_double
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.require import require_double
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, LibraryError
 from tensegrity_codegen.tables.manifest import STATUS, IntegratorSpec, Manifest

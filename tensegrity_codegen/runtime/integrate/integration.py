@@ -6,8 +6,8 @@ import numpy as np
 
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.model.arrays import to_sized
-from tensegrity_codegen.runtime.model.require import require_double
-from tensegrity_codegen.runtime.model.status import raise_for_status
+from tensegrity_codegen.runtime.model.interface import require_double
+from tensegrity_codegen.runtime.model.library import raise_for_status
 from tensegrity_codegen.runtime.profiles.driven import KnotsInC, follows_in_c
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError

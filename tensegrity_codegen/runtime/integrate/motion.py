@@ -6,7 +6,7 @@ from typing import Any
 
 from tensegrity_codegen.runtime.integrate.event_log import Watch
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.profiles.jumps import Schedule as Schedule
+from tensegrity_codegen.runtime.profiles.pieces import Schedule as Schedule
 from tensegrity_codegen.system.arrays import FloatArray
 
 Progress = Callable[[float], None]

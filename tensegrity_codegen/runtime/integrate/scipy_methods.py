@@ -17,7 +17,7 @@ from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory, judge_end
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
-from tensegrity_codegen.runtime.profiles.jumps import SCHEDULE_SAMPLES, locate_jumps
+from tensegrity_codegen.runtime.profiles.pieces import SCHEDULE_SAMPLES, locate_jumps
 from tensegrity_codegen.structure.ground_support import refuse_ground
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError, FormulationError, NonFiniteError

@@ -11,38 +11,72 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from tensegrity_codegen.runtime.linear.kinks import describe_kinks, find_kinks
 from tensegrity_codegen.runtime.linear.spectrum import Spectrum, find_spectrum
 from tensegrity_codegen.runtime.linear.write_linear import write_linear_model
-from tensegrity_codegen.runtime.model.arguments import check_arguments
+from tensegrity_codegen.runtime.model.arguments import check_arguments, merge_inputs
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_doubles
-from tensegrity_codegen.runtime.model.interface import Model
-from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.runtime.model.interface import (
+    Model,
+    name_states,
+    require_double,
+    require_model,
+    require_quantities,
+)
 from tensegrity_codegen.runtime.model.placement import place_nodes, place_velocities
-from tensegrity_codegen.runtime.model.require import require_double, require_model, require_quantities
 from tensegrity_codegen.runtime.model.rigid_bars import RigidBars
-from tensegrity_codegen.runtime.model.state_names import name_states
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.structure.memory import is_constant
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_whole
-from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
-from tensegrity_codegen.system.summaries import (
-    Fact,
-    Summarised,
-    count_names,
-    describe_number,
-    describe_range,
-)
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, name_list
+from tensegrity_codegen.system.summaries import Fact, Summarised, count_names, describe_number, describe_range
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.manifest import Manifest
 
-# Which variations of a state the constraints between its coordinates allow.
-
-
+KINK_QUANTITIES = ("member_length", "member_extension")
 # What a model in redundant coordinates is asked for: its columns span the variations that can happen.
 SPANNING_QUANTITY = "distance_inertia_inverse"
 RANK_TOLERANCE = 1e-10  # of the largest eigenvalue
+# What a linear model needs of every model, and of one with inputs too.
+LINEARIZE_QUANTITIES = ("state_derivative", "state_jacobian")
+INPUT_QUANTITY = "input_jacobian"
+ROUNDING = 64 * sys.float_info.epsilon  # of lengths, over lengths and coordinates
+SETTLED_ROUNDING = 1e-11  # the same, of lengths that an equilibrium gives
+# Acceleration, over extent and square of the lowest angular frequency, that counts as none.
+BALANCE_TOLERANCE = 1e-4
+
+
+def find_kinks(
+    model: Model, coordinate: FloatArray, rounding: float, arguments: Mapping[str, Any]
+) -> dict[str, bool]:
+    """Return the cables at their rest lengths within relative rounding, with whether each counts as taut."""
+    structure = getattr(model, "structure", None)
+    if structure is None or structure.is_bar.all() or not all(model.has(name) for name in KINK_QUANTITIES):
+        return {}
+    values = {**arguments, "coordinate": coordinate}
+    length = np.asarray(model.compute("member_length", **values))
+    extension = np.asarray(model.compute("member_extension", **values))
+    scale = np.maximum(np.maximum(length, length - extension), np.abs(coordinate).max(initial=0.0))
+    at_rest = ~np.asarray(structure.is_bar) & (np.abs(extension) <= rounding * scale)
+    return {model.manifest.member_name[row]: bool(extension[row] > 0.0) for row in np.flatnonzero(at_rest)}
+
+
+def describe_kinks(kinks: Mapping[str, bool]) -> list[str]:
+    """Return the warning about cables at their rest lengths, none without any."""
+    sides = [
+        f"as {side}: {name_list(names, 10)}"
+        for side, is_taut in (("taut", True), ("slack", False))
+        if (names := [name for name, taut in kinks.items() if taut is is_taut])
+    ]
+    if not sides:
+        return []
+    return [
+        f"{len(kinks)} cable{'s are' if len(kinks) > 1 else ' is'} exactly at rest length, where the "
+        f"stiffness jumps; the linear model holds on one side only. It treats {'; '.join(sides)}"
+    ]
+
+
+# Which variations of a state the constraints between its coordinates allow.
 
 
 @dataclass(frozen=True)
@@ -67,11 +101,11 @@ class _Variations:
 
     def reduce(self, state_matrix: Any) -> Any:
         """Return L A T - L T', sparse (n_variations, n_variations), of A (n_states, n_states)."""
-        left = scipy.sparse.csc_array(scipy.sparse.block_diag([self.along, self.along, self._free])).T
+        projection = scipy.sparse.csc_array(scipy.sparse.block_diag([self.along, self.along, self._free])).T
         empty = scipy.sparse.csc_array((self.along.shape[1],) * 2)
         turned = scipy.sparse.block_array([[empty, empty], [self.turning.T @ self.turning, empty]])
         frame = scipy.sparse.block_diag([turned, 0.0 * self._free])
-        return scipy.sparse.csc_array(left @ state_matrix @ self.basis + frame)
+        return scipy.sparse.csc_array(projection @ state_matrix @ self.basis + frame)
 
     @property
     def _free(self) -> Any:
@@ -105,15 +139,6 @@ def _along_bars(model: Model, at: Mapping[str, Any]) -> _Variations:
     rows = bars.rows(bars.vectors(position)).toarray()
     turning = np.linalg.lstsq(rows, -(rate @ along).toarray(), rcond=None)[0]
     return _Variations(along, scipy.sparse.csc_array(turning), n_internal)
-
-
-# What a linear model needs of every model, and of one with inputs too.
-LINEARIZE_QUANTITIES = ("state_derivative", "state_jacobian")
-INPUT_QUANTITY = "input_jacobian"
-ROUNDING = 64 * sys.float_info.epsilon  # of lengths, over lengths and coordinates
-SETTLED_ROUNDING = 1e-11  # the same, of lengths that an equilibrium gives
-# Acceleration, over extent and square of the lowest angular frequency, that counts as none.
-BALANCE_TOLERANCE = 1e-4
 
 
 @dataclass(frozen=True, repr=False)
@@ -216,25 +241,25 @@ class LinearModel(Summarised):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences about what the linear model does not hold for."""
-        found = []
+        sentences = []
         if self.slipping_feet:
-            found.append(
+            sentences.append(
                 f"feet at the limit of friction: {', '.join(self.slipping_feet)}; their stiffness jumps "
                 "there, and the linear model holds on one side only"
             )
         speed = float(abs(self._speed).max(initial=0.0))
         if speed > 0:
-            found.append(
+            sentences.append(
                 f"the structure moves at x0 (largest velocity {speed:.3g}): eigenvalues hold for this moment "
                 "only"
             )
         if not self.is_balanced:
-            found.append(
+            sentences.append(
                 f"the structure is out of balance at x0 (largest acceleration {self._fall:.3g}): eigenvalues "
                 "and frequencies are not those of vibrations about an equilibrium, and rigid motions may "
                 "appear as vibrations; linearize about the equilibrium to avoid that"
             )
-        return (*found, *describe_kinks(self.one_sided_cables))
+        return (*sentences, *describe_kinks(self.one_sided_cables))
 
     @property
     def _speed(self) -> FloatArray:
@@ -343,23 +368,23 @@ def linearize(
     require_quantities(model, _needed(bool(inputs)), "a linear model needs")
     q = _value(model, "coordinate", coordinate)
     v = _value(model, "velocity", velocity)
-    given = merge_inputs(model.manifest, arguments)
-    check_arguments(model.manifest, given)
+    parameters = merge_inputs(model.manifest, arguments)
+    check_arguments(model.manifest, parameters)
     if isinstance(equilibrium, Equilibrium):
-        given = {**equilibrium.internal_argument, **given}
-    u = _value(model, "input", _choose_input(input, given)) if inputs else np.zeros(0)
-    at = {**given, "coordinate": q, "velocity": v}
+        parameters = {**equilibrium.internal_argument, **parameters}
+    u = _value(model, "input", _choose_input(input, parameters)) if inputs else np.zeros(0)
+    at = {**parameters, "coordinate": q, "velocity": v}
     if inputs:
         at["input"] = u
-    internal = [_value(model, "internal", given.get("internal"))] if model.manifest.internal_name else []
+    internal = [_value(model, "internal", parameters.get("internal"))] if model.manifest.internal_name else []
     # Energies that a balance adds up, and what members remember, would be eigenvalues of zero.
-    kept = np.array([not is_constant(name) for name in name_states(model.manifest)])
-    state = np.concatenate([q, v, *internal])[kept]
-    a = scipy.sparse.csc_array(model.compute("state_jacobian", **at))[kept][:, kept]
+    varies = np.array([not is_constant(name) for name in name_states(model.manifest)])
+    state = np.concatenate([q, v, *internal])[varies]
+    a = scipy.sparse.csc_array(model.compute("state_jacobian", **at))[varies][:, varies]
     b = scipy.sparse.csc_array((len(state), 0))
     if inputs:
-        b = scipy.sparse.csc_array(model.compute(INPUT_QUANTITY, **at))[kept]
-    rate = np.asarray(model.compute("state_derivative", **at))[kept]
+        b = scipy.sparse.csc_array(model.compute(INPUT_QUANTITY, **at))[varies]
+    rate = np.asarray(model.compute("state_derivative", **at))[varies]
     # _Variations that cannot happen never move, and would come out as zeros to half the digits.
     allowed = _find_variations(model, {**at, "coordinate": q, "velocity": v})
     reduced = a if allowed is None else allowed.reduce(a)
@@ -375,20 +400,7 @@ def linearize(
 
 
 def linearize_quantities(formulation: str, *, with_inputs: bool) -> tuple[str, ...]:
-    """Return the quantities that linearize needs.
-
-    Parameters
-    ----------
-    formulation : str
-        Name of the formulation.
-    with_inputs : bool
-        Whether the scene has inputs.
-
-    Returns
-    -------
-    tuple of str
-        Names of quantities.
-    """
+    """Return the quantities that linearize needs in a formulation."""
     return (*_needed(with_inputs), *find_formulation(formulation).linear_quantities)
 
 

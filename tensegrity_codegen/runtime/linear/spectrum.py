@@ -84,10 +84,7 @@ def _find_with_memory(matrix: Any, count: int, n_internal: int) -> Spectrum:
 def _find_eigenvalues(
     stiffness: Any, damping: Any | None, is_complete: bool, count: int, largest: float
 ) -> NDArray[Any]:
-    """Return all eigenvalues of [0 I; S D], or of S where D is None, or the `count` nearest to zero.
-
-    largest: a bound of all of them.
-    """
+    """Return all eigenvalues of [0 I; S D], or of S without D, or the `count` nearest to zero."""
     eye = scipy.sparse.eye_array(stiffness.shape[0], format="csc")
     matrix = stiffness if damping is None else scipy.sparse.block_array([[None, eye], [stiffness, damping]])
     if is_complete:
@@ -98,13 +95,13 @@ def _find_eigenvalues(
         solve = _factorise(stiffness - shift * eye)
     else:
         # Of x2 - shift x1 = b1 and S x1 + (D - shift) x2 = b2 only half are unknowns at a time.
-        beside = damping - shift * eye
-        solve_half = _factorise(stiffness + shift * beside)
+        shifted_damping = damping - shift * eye
+        solve_half = _factorise(stiffness + shift * shifted_damping)
 
         def solve(right: FloatArray) -> FloatArray:
-            first, second = np.split(right, 2)
-            found = solve_half(second - beside @ first)
-            return np.concatenate([found, first + shift * found])
+            upper, lower = np.split(right, 2)
+            solution = solve_half(lower - shifted_damping @ upper)
+            return np.concatenate([solution, upper + shift * solution])
 
     return _find_nearest(matrix, shift, solve, count)
 

@@ -22,9 +22,9 @@ def _write_npz(linear: Any, path: Path, overwrite: bool) -> None:
     """Write sparse matrices as row, column, value; names and vectors."""
     arrays: dict[str, Any] = {}
     for name, matrix in _matrices(linear):
-        found = matrix.tocoo()
-        arrays |= {f"{name}_row": found.row, f"{name}_column": found.col, f"{name}_value": found.data}
-        arrays[f"{name}_shape"] = np.array(found.shape)
+        entries = matrix.tocoo()
+        arrays |= {f"{name}_row": entries.row, f"{name}_column": entries.col, f"{name}_value": entries.data}
+        arrays[f"{name}_shape"] = np.array(entries.shape)
     arrays |= {name: getattr(linear, name) for name in (*VECTORS, *FREQUENCIES)}
     arrays |= {name: np.array(getattr(linear, name), dtype=str) for name in NAMES}
     write_arrays(path, arrays, overwrite=overwrite)
@@ -48,8 +48,8 @@ def _list_entries(linear: Any) -> Iterator[tuple[str, str, str, float]]:
     variations = [f"p{k}" for k in range(0 if linear.variation is None else linear.variation.shape[1])]
     columns = {"A": states, "B": inputs, "variation": variations}
     for name, matrix in _matrices(linear):
-        found = matrix.tocoo()
-        for row, column, value in zip(found.row, found.col, found.data, strict=True):
+        entries = matrix.tocoo()
+        for row, column, value in zip(entries.row, entries.col, entries.data, strict=True):
             yield name, states[row], columns[name][column], float(value)
     for name in VECTORS:
         rows = inputs if name == "input" else states
@@ -71,9 +71,6 @@ LINEAR_ENDINGS = tuple(WRITERS)
 
 
 def write_linear_model(linear: Any, path: str | Path, *, overwrite: bool) -> None:
-    """Write a LinearModel in the format of the path's ending; without one as .npz.
-
-    Raises OutputError if it cannot be written, exists (without `overwrite`), or has another ending.
-    """
+    """Write a LinearModel in the format of the path's ending; without one as .npz."""
     check_ending(path, *LINEAR_ENDINGS)
     WRITERS.get(Path(path).suffix.lower(), _write_npz)(linear, Path(path), overwrite)

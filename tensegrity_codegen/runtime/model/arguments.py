@@ -1,27 +1,125 @@
-"""Values of arguments at run time: those that no scene has are refused; loads and ground that follow."""
+"""Run-time arguments: names, inputs by their own names, values that no scene has, loads and ground."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from tensegrity_codegen.runtime.model.arrays import agree_on_rows, to_doubles
 from tensegrity_codegen.runtime.model.interface import Model
-from tensegrity_codegen.runtime.model.named_inputs import check_argument_names
 from tensegrity_codegen.structure.ground import Ground
-from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
 from tensegrity_codegen.tables.manifest import Manifest
+from tensegrity_codegen.tables.quantities import ARGUMENTS, STATE
 from tensegrity_codegen.tables.quantities.arguments import ABOVE_ZERO, FROM_ZERO, GROUND_FROM_ZERO
 
+DOUBLE: np.dtype[Any] = np.dtype(np.float64)
+INPUT = "input"  # the argument that holds all inputs
 LOAD = "node_load"
 
 
-def check_arguments(manifest: Manifest, arguments: Mapping[str, Any]) -> None:
-    """Raise for a word that is no argument of the model at run time, or a value that no scene has.
+def merge_inputs(
+    manifest: Manifest,
+    arguments: Mapping[str, Any] | None,
+    base: ArrayLike | None = None,
+    *,
+    is_batch: bool = False,
+    dtype: np.dtype[Any] = DOUBLE,
+) -> dict[str, Any]:
+    """Return run-time arguments by name, inputs given by their own names as one array `input`."""
+    values = read_arguments(arguments)
+    check_argument_names(manifest, [name for name in values if name not in STATE])
+    named = [name for name in values if unify_name(manifest, name) == INPUT and name != INPUT]
+    if not named:
+        return values
+    if INPUT in values:
+        raise InvalidValueError(
+            "an input is given twice",
+            where=f"arguments.{named[0]}",
+            given=f"{named[0]}, and the array {INPUT} of all inputs",
+            allowed=f"names of inputs, or {INPUT}: {', '.join(manifest.input_name)}",
+        )
+    numbers = {name: _number(name, values.pop(name), is_batch=is_batch) for name in named}
+    lengths = {name: len(value) for name, value in numbers.items() if value.ndim}
+    rows = (agree_on_rows(lengths, "arguments", "one number for a single motion"),) if lengths else ()
+    spec = next((argument for argument in manifest.arguments if argument.name == INPUT), None)
+    stated = np.zeros(len(manifest.input_name)) if spec is None else np.array(spec.nominal, dtype=np.float64)
+    start = stated if base is None else np.asarray(base, dtype=np.float64)
+    merged = np.array(np.broadcast_to(start, (*rows, len(manifest.input_name))), dtype=dtype)
+    for name, value in numbers.items():
+        merged[..., manifest.input_name.index(name)] = value
+    return values | {INPUT: merged}
 
-    See `check_argument_names` and `check_parameter_values`. A value None is not checked.
-    """
+
+def check_argument_names(manifest: Manifest, names: Iterable[str], states: Iterable[str] = ()) -> None:
+    """Raise UnknownNameError for a word that is no argument of the model at run time or one of `states`."""
+    valid_names = [
+        argument.name for argument in manifest.arguments if argument.name not in ("coordinate", "velocity")
+    ]
+    valid_names += states
+    for name in names:
+        if name not in (*valid_names, *manifest.input_name):
+            raise UnknownNameError(
+                "the model has no such argument at run time",
+                where="arguments",
+                given=name,
+                allowed=", ".join([*valid_names, *manifest.input_name]) or "none",
+                hint=_explain_missing(name, [*valid_names, *manifest.input_name]),
+            )
+
+
+def _explain_missing(name: str, valid_names: list[str]) -> str:
+    """Return what to do about a word that is no argument at run time."""
+    if name in ("coordinate", "velocity"):
+        return "pass the initial state as coordinate= and velocity=, outside of arguments"
+    if name == INPUT:
+        return "the scene has no inputs: state them under [[inputs]] and build again"
+    if name in ARGUMENTS:
+        return (
+            f"it is a constant of this library: list it under [parameters] {name}, or in parameters= of "
+            "compile_scene or of a ModelRequest, and build again"
+        )
+    return suggest(name, valid_names)
+
+
+def read_arguments(arguments: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Return run-time arguments by name as a new dictionary; raises InvalidValueError for anything else."""
+    is_named = isinstance(arguments, Mapping) and all(isinstance(name, str) for name in arguments)
+    if arguments is not None and not is_named:
+        raise InvalidValueError(
+            "not values by name",
+            where="arguments",
+            given=arguments,
+            allowed='a dictionary, such as {"gravity": [0, 0, -9.81]}',
+        )
+    return dict(arguments or {})
+
+
+def unify_name(manifest: Manifest, name: str) -> str:
+    """Return the run-time argument that a word stands for: `input` for the name of an input."""
+    return INPUT if name in manifest.input_name and name not in ARGUMENTS else name
+
+
+def _number(name: str, value: Any, *, is_batch: bool) -> NDArray[np.float64]:
+    allowed = "a number, or one for each element of the batch: (n_batch,)" if is_batch else "a number"
+    array = np.zeros((0, 0)) if value is None else to_doubles(value, f"arguments.{name}", allowed)
+    if array.shape == (1,) and not is_batch:
+        array = array.reshape(())
+    if array.ndim > int(is_batch):
+        raise InvalidValueError(
+            "not the value of one input", where=f"arguments.{name}", given=value, allowed=allowed
+        )
+    if not np.all(np.isfinite(array)):
+        raise NonFiniteError(
+            "not a finite number", where=f"arguments.{name}", given=value, allowed="a finite number"
+        )
+    return array
+
+
+def check_arguments(manifest: Manifest, arguments: Mapping[str, Any]) -> None:
+    """Raise for words that are no run-time argument, and for values that no scene has; None is allowed."""
     check_argument_names(manifest, arguments)
     check_parameter_values(manifest, arguments)
 
@@ -34,7 +132,7 @@ def check_parameter_values(manifest: Manifest, arguments: Mapping[str, Any]) -> 
     evaluates at any values.
     """
     for name in (*ABOVE_ZERO, *FROM_ZERO):
-        spec = next((item for item in manifest.arguments if item.name == name), None)
+        spec = next((argument for argument in manifest.arguments if argument.name == name), None)
         if spec is None or arguments.get(name) is None:
             continue
         try:
@@ -59,20 +157,16 @@ def check_parameter_values(manifest: Manifest, arguments: Mapping[str, Any]) -> 
 def apply_ground(model: Model, arguments: Mapping[str, Any]) -> Ground | None:
     """Return the ground of a model under run-time arguments, None where it has none."""
     ground: Ground | None = getattr(getattr(model, "structure", None), "ground", None)
-    given = arguments.get("ground")
-    if ground is None or given is None:
+    values = arguments.get("ground")
+    if ground is None or values is None:
         return ground
     names = model.manifest.argument("ground").over
-    return replace(ground, **dict(zip(names, np.ravel(given).tolist(), strict=True)))
+    return replace(ground, **dict(zip(names, np.ravel(values).tolist(), strict=True)))
 
 
 def apply_loads(model: Model, *values: Mapping[str, Any]) -> NDArray[np.float64] | None:
-    """Return the loads under run-time arguments, one row of each of `values`, (n_t, n_nodes, 3) [N].
-
-    None where they are those of the scene: the model takes no loads, or its structure is not known. Inputs
-    that are forces are not part of it.
-    """
-    spec = next((item for item in model.manifest.arguments if item.name == LOAD), None)
+    """Return loads (n_t, n_nodes, 3) [N] under arguments `values`; None where they are the scene's."""
+    spec = next((argument for argument in model.manifest.arguments if argument.name == LOAD), None)
     structure = getattr(model, "structure", None)
     if spec is None or structure is None:
         return None
@@ -80,7 +174,7 @@ def apply_loads(model: Model, *values: Mapping[str, Any]) -> NDArray[np.float64]
     load: NDArray[np.float64] = np.tile(
         np.asarray(structure.node_load, dtype=np.float64), (len(values), 1, 1)
     )
-    for k, given in enumerate(values):
-        if given.get(LOAD) is not None:
-            load[k][np.ix_(rows, list(model.manifest.axes))] = np.reshape(given[LOAD], spec.shape)
+    for k, row_values in enumerate(values):
+        if row_values.get(LOAD) is not None:
+            load[k][np.ix_(rows, list(model.manifest.axes))] = np.reshape(row_values[LOAD], spec.shape)
     return load

@@ -33,33 +33,24 @@ UNREADABLE = (
 
 
 def write_arrays(path: str | Path, arrays: Mapping[str, NDArray[Any]], *, overwrite: bool) -> None:
-    """Write arrays to an .npz file, whole or not at all.
-
-    Raises OutputError if it cannot be written, exists (without `overwrite`), or has another ending.
-
-    Above MOST_COMPRESSED bytes they are not compressed, which would take longer than the simulation.
-    """
+    """Write arrays to an .npz file, whole or not at all, compressed up to MOST_COMPRESSED bytes."""
     check_ending(path, ".npz")
-    given: dict[str, Any] = dict(arrays)
-    size = sum(np.asarray(array).nbytes for array in given.values())
+    named_arrays: dict[str, Any] = dict(arrays)
+    size = sum(np.asarray(array).nbytes for array in named_arrays.values())
     save = np.savez_compressed if size <= MOST_COMPRESSED else np.savez
     with replaced(path, overwrite=overwrite) as temporary, temporary.open("wb") as file:
-        save(file, **given)
+        save(file, **named_arrays)
 
 
 def read_arrays(path: Path, names: Collection[str] | None = None) -> dict[str, NDArray[Any]]:
-    """Return the arrays of an .npz file by name: those of `names` that it has, and no other is read, or all.
-
-    Raises one of UNREADABLE for what is no such file, and for arrays that would take far more memory than
-    the file takes on the disk.
-    """
+    """Return the arrays of an .npz file by name, all or those of `names`; raises one of UNREADABLE."""
     with _opened_archive(path) as archive:
-        found = [name for name in archive.files if names is None or name in names]
-        packed = [item for item in archive.zip.infolist() if item.compress_type != ZIP_STORED]
-        size = sum(item.file_size for item in packed if item.filename.removesuffix(".npy") in found)
+        chosen = [name for name in archive.files if names is None or name in names]
+        packed = [entry for entry in archive.zip.infolist() if entry.compress_type != ZIP_STORED]
+        size = sum(entry.file_size for entry in packed if entry.filename.removesuffix(".npy") in chosen)
         if size > MOST_UNPACKED:
             raise ValueError(f"compressed arrays of {size >> 20} MB; up to {MOST_UNPACKED >> 20} MB are read")
-        return {name: archive[name] for name in found}
+        return {name: archive[name] for name in chosen}
 
 
 def read_names(path: Path) -> tuple[str, ...]:

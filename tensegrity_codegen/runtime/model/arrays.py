@@ -35,8 +35,8 @@ def to_doubles(value: ArrayLike, where: str, allowed: str) -> NDArray[np.float64
     """Return real numbers as an array; raises InvalidValueError, naming what is allowed, for others."""
     try:
         check_length(value)
-        given = np.asarray(value)
-        if given.dtype.kind == "c":
+        numbers = np.asarray(value)
+        if numbers.dtype.kind == "c":
             raise TypeError("complex numbers")
         return np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
@@ -52,14 +52,11 @@ def to_each(
     is_allowed: Callable[[NDArray[np.float64]], NDArray[np.bool_]],
     allowed: str,
 ) -> NDArray[np.float64]:
-    """Return a number, or one for each of `count` things, as a new array (count,).
-
-    Raises InvalidValueError, naming what is allowed, for another shape and numbers that are not allowed.
-    """
-    given = to_doubles(value, where, allowed)
-    if given.shape not in ((), (count,)) or not np.all(is_allowed(given)):
+    """Return a number, or one for each of `count` things, as a new array (count,), if it is allowed."""
+    numbers = to_doubles(value, where, allowed)
+    if numbers.shape not in ((), (count,)) or not np.all(is_allowed(numbers)):
         raise InvalidValueError("out of range", where=where, given=value, allowed=allowed)
-    return np.broadcast_to(given, (count,)).copy()
+    return np.broadcast_to(numbers, (count,)).copy()
 
 
 def to_sized(value: ArrayLike, shape: tuple[int, ...], where: str) -> NDArray[np.float64]:
@@ -71,17 +68,13 @@ def to_sized(value: ArrayLike, shape: tuple[int, ...], where: str) -> NDArray[np
 
 
 def to_array(value: ArrayLike, precision: Precision, name: str, allowed: str) -> NDArray[Any]:
-    """Return `value` as an array of that precision, itself if it is one already.
-
-    Raises InvalidValueError, naming the argument and what is allowed, for what is no array of numbers and for
-    an array whose numbers would be rounded.
-    """
-    given = getattr(value, "dtype", None)
-    if given is not None and given.kind == "f" and given.itemsize > precision.dtype.itemsize:
+    """Return `value` as an array of that precision; InvalidValueError where numbers would be rounded."""
+    dtype = getattr(value, "dtype", None)
+    if dtype is not None and dtype.kind == "f" and dtype.itemsize > precision.dtype.itemsize:
         raise InvalidValueError(
             f"the array has numbers that {precision.name} precision would round",
             where=name,
-            given=str(given),
+            given=str(dtype),
             allowed=str(precision.dtype),
             hint=f"round it yourself with astype({str(precision.dtype)!r}), or build in a higher precision",
         )
@@ -102,10 +95,7 @@ def to_array(value: ArrayLike, precision: Precision, name: str, allowed: str) ->
 def to_batch(
     value: ArrayLike, shape: tuple[int, ...], precision: Precision, name: str
 ) -> tuple[NDArray[Any], bool]:
-    """Return an argument of a batch as a contiguous array, and whether it has the leading axis of the batch.
-
-    shape: of one element's value. Raises InvalidValueError for another one, and what to_array raises.
-    """
+    """Return an argument of a batch as a contiguous array, and whether it has the batch axis."""
     rows = f"({', '.join(['n_batch', *map(str, shape)])})"
     allowed = f"shape {rows}, or {shape} shared by all elements"
     array = np.ascontiguousarray(to_array(value, precision, name, allowed))
@@ -117,11 +107,7 @@ def to_batch(
 
 
 def agree_on_rows(lengths: Mapping[str, int], where: str, hint: str) -> int:
-    """Return the number of rows that all arrays of a batch have, by name.
-
-    Raises InvalidValueError where there is no such array, where numbers differ, and for no rows; hint: what
-    to call for a single element.
-    """
+    """Return the number of rows of all arrays of a batch; hint: what to call for a single element."""
     if not lengths:
         raise InvalidValueError(
             "no argument has a batch axis",

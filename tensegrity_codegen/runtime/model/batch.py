@@ -10,8 +10,7 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.runtime.model.arrays import to_batch
-from tensegrity_codegen.runtime.model.library import LoadedLibrary
-from tensegrity_codegen.runtime.model.status import raise_for_status
+from tensegrity_codegen.runtime.model.library import LoadedLibrary, raise_for_status
 from tensegrity_codegen.system.checks import check_whole
 from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 from tensegrity_codegen.tables.manifest import ArgumentSpec, FunctionSpec, Pattern
@@ -37,8 +36,8 @@ class SparseBatch:
         return len(self.values)
 
     def __getitem__(self, k: int) -> "scipy.sparse.csc_array":
-        places = (self.pattern.row.copy(), self.pattern.column_start.copy())
-        return scipy.sparse.csc_array((self.values[k].copy(), *places), shape=self.pattern.shape)
+        pattern = (self.pattern.row.copy(), self.pattern.column_start.copy())
+        return scipy.sparse.csc_array((self.values[k].copy(), *pattern), shape=self.pattern.shape)
 
     def __iter__(self) -> "Iterator[scipy.sparse.csc_array]":
         return (self[k] for k in range(len(self)))
@@ -146,15 +145,15 @@ class BatchFunction:
 
     def _raise(self, arrays: Sequence[tuple[FloatArray, bool]], status: StatusArray) -> None:
         bad = np.flatnonzero(status)
-        first = int(bad[0])
+        failed = int(bad[0])
         rows = {
-            name: array[first] if is_batched else array
+            name: array[failed] if is_batched else array
             for name, (array, is_batched) in zip(self.arguments, arrays, strict=True)
         }
-        where = f"{self.spec.quantity}: element {first} of {len(status)}"
+        location = f"{self.spec.quantity}: element {failed} of {len(status)}"
         if len(bad) > 1:
-            where += f", the first of {len(bad)} that failed"
-        raise_for_status(int(status[first]), where, rows)
+            location += f", the first of {len(bad)} that failed"
+        raise_for_status(int(status[failed]), location, rows)
 
 
 def check_threads(threads: int) -> None:

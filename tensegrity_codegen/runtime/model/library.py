@@ -1,13 +1,16 @@
 """A loaded shared library: its symbols, checked against its manifest. No CasADi in here."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import cffi
+import numpy as np
+from numpy.typing import NDArray
 
 from tensegrity_codegen.system.binaries import describe_binary
-from tensegrity_codegen.system.errors import AbiMismatchError, LibraryError
-from tensegrity_codegen.tables.manifest import ABI_VERSION, Manifest
+from tensegrity_codegen.system.errors import AbiMismatchError, LibraryError, NonFiniteError
+from tensegrity_codegen.tables.manifest import ABI_VERSION, STATUS, Manifest
 from tensegrity_codegen.tables.precision import find_precision
 from tensegrity_codegen.tables.targets import TARGETS, find_host
 
@@ -20,12 +23,31 @@ TYPES = {
 }
 
 
-class LoadedLibrary:
-    """A generated library in this process, with every function of its manifest bound.
+def raise_for_status(status: int, where: str, arguments: Mapping[str, NDArray[Any]]) -> None:
+    """Raise the error that a non-zero status stands for, naming the argument and entry at fault."""
+    reason = STATUS[status] if 0 <= status < len(STATUS) else f"status {status}"
+    if reason == "non_finite_input":
+        for name, array in arguments.items():
+            bad = np.argwhere(~np.isfinite(array))
+            if bad.size:
+                index = tuple(int(k) for k in bad[0])
+                raise NonFiniteError(
+                    f"argument {name!r} is not finite at {index}",
+                    where=where,
+                    given=float(array[index]),
+                    allowed="finite numbers",
+                )
+    if reason == "non_finite_result":
+        raise NonFiniteError(
+            "the result is not finite",
+            where=where,
+            hint="look for nodes that coincide, a rest length or mass of zero, or an overflow",
+        )
+    raise LibraryError(f"the library returned the status {reason!r}", where=where)
 
-    path: the shared library; manifest: what it should hold. Raises LibraryError if the file does not
-    load or lacks a symbol, AbiMismatchError if it was made for another interface version or scene.
-    """
+
+class LoadedLibrary:
+    """A generated library in this process, which has to fit its manifest."""
 
     def __init__(self, path: Path, manifest: Manifest) -> None:
         self.path = path
@@ -58,16 +80,16 @@ class LoadedLibrary:
             ) from error
 
     def _check_descriptor(self, manifest: Manifest) -> None:
-        found = self.symbol(f"{manifest.name}_descriptor")
-        if found.abi_version != ABI_VERSION:
+        descriptor = self.symbol(f"{manifest.name}_descriptor")
+        if descriptor.abi_version != ABI_VERSION:
             raise AbiMismatchError(
                 "the library was made for another version of the C interface",
                 where=str(self.path),
-                given=found.abi_version,
+                given=descriptor.abi_version,
                 allowed=str(ABI_VERSION),
                 hint="build it again with this version of tensegrity_codegen",
             )
-        precision = self.ffi.string(found.precision).decode("ascii", "replace")
+        precision = self.ffi.string(descriptor.precision).decode("ascii", "replace")
         if precision != manifest.precision:
             raise AbiMismatchError(
                 "library and manifest are of different precision",
@@ -76,7 +98,7 @@ class LoadedLibrary:
                 allowed=f"{manifest.precision} precision",
                 hint="build it again",
             )
-        scene_hash = self.ffi.string(found.scene_hash).decode("ascii", "replace")
+        scene_hash = self.ffi.string(descriptor.scene_hash).decode("ascii", "replace")
         if scene_hash != manifest.scene_hash:
             raise AbiMismatchError(
                 "library and manifest were made from different scenes",
@@ -91,8 +113,8 @@ class LoadedLibrary:
         if self.symbol(f"{name}_check_machine")() == 0:
             return
         find, missing = self.symbol(f"{name}_missing_instruction_set"), list[str]()
-        while found := find(len(missing)):
-            missing.append(self.ffi.string(found).decode("ascii", "replace"))
+        while instruction_set := find(len(missing)):
+            missing.append(self.ffi.string(instruction_set).decode("ascii", "replace"))
         raise LibraryError(
             "the library was compiled for instructions that this machine lacks",
             where=str(self.path),
@@ -118,15 +140,15 @@ def _explain_refusal(path: Path, error: OSError) -> LibraryError:
     """Return the error for a file that the system does not load; what it is for, where that is the reason."""
     try:
         with path.open("rb") as file:
-            found = describe_binary(file.read(2**16))
+            binary = describe_binary(file.read(2**16))
     except OSError:
-        found = ""
+        binary = ""
     here = TARGETS.get(find_host())
-    if found and here is not None and found != here.binary:
+    if binary and here is not None and binary != here.binary:
         return LibraryError(
             "the library does not load: it is for another machine",
             where=str(path),
-            given=found,
+            given=binary,
             allowed=here.binary,
             hint="build it again",
         )
@@ -135,16 +157,16 @@ def _explain_refusal(path: Path, error: OSError) -> LibraryError:
 
 def _declarations(manifest: Manifest) -> str:
     """Return the declarations of the header, with the common names of its types."""
-    text = manifest.declarations
-    if not text:
+    declarations = manifest.declarations
+    if not declarations:
         raise AbiMismatchError(
             "the manifest does not hold the declarations of the library",
             where=manifest.name,
             hint="build it again with this version of tensegrity_codegen",
         )
     common = [
-        f"typedef {manifest.name}_{word} {name};"
-        for word, name in TYPES.items()
-        if f"}} {manifest.name}_{word};" in text
+        f"typedef {manifest.name}_{type_name} {name};"
+        for type_name, name in TYPES.items()
+        if f"}} {manifest.name}_{type_name};" in declarations
     ]
-    return "\n".join((text, *common))
+    return "\n".join((declarations, *common))

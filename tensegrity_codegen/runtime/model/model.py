@@ -9,20 +9,14 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
+from tensegrity_codegen.runtime.model.arguments import check_argument_names, merge_inputs
 from tensegrity_codegen.runtime.model.arrays import to_array
 from tensegrity_codegen.runtime.model.batch import BatchFunction
-from tensegrity_codegen.runtime.model.library import LoadedLibrary
-from tensegrity_codegen.runtime.model.named_inputs import check_argument_names, merge_inputs
-from tensegrity_codegen.runtime.model.status import raise_for_status
+from tensegrity_codegen.runtime.model.library import LoadedLibrary, raise_for_status
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.checks import check_instance, check_path
-from tensegrity_codegen.system.errors import (
-    InvalidValueError,
-    LibraryError,
-    UnknownNameError,
-    suggest,
-)
+from tensegrity_codegen.system.errors import InvalidValueError, LibraryError, UnknownNameError, suggest
 from tensegrity_codegen.system.summaries import Fact, Summarised, count_names
 from tensegrity_codegen.tables.manifest import ArgumentSpec, FunctionSpec, Manifest
 from tensegrity_codegen.tables.precision import find_precision
@@ -73,8 +67,8 @@ class CompiledFunction:
         """Return raw values as what a caller expects: a float, an array or a sparse array."""
         pattern = self.spec.pattern
         if pattern is not None:
-            places = (pattern.row.copy(), pattern.column_start.copy())  # the caller may change the matrix
-            return scipy.sparse.csc_array((result, *places), shape=pattern.shape)
+            indices = (pattern.row.copy(), pattern.column_start.copy())  # the caller may change the matrix
+            return scipy.sparse.csc_array((result, *indices), shape=pattern.shape)
         return result if self.spec.shape else float(result[0])
 
     def _bind(self, library: LoadedLibrary) -> Callable[[Sequence[Any], FloatArray | None], FloatArray]:
@@ -121,13 +115,13 @@ class CompiledFunction:
 
     def _check_out(self, out: FloatArray, arrays: Sequence[Any]) -> FloatArray:
         fits = isinstance(out, np.ndarray) and out.dtype == self.dtype and out.shape == self._shape
-        apart = fits and not any(np.may_share_memory(out, array) for array in arrays)
-        if not (apart and out.flags.c_contiguous and out.flags.writeable):
-            given = f"{out.dtype} {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
+        is_separate = fits and not any(np.may_share_memory(out, array) for array in arrays)
+        if not (is_separate and out.flags.c_contiguous and out.flags.writeable):
+            description = f"{out.dtype} {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
             raise InvalidValueError(
                 "`out` has the wrong type or shape",
                 where=self.spec.quantity,
-                given=given,
+                given=description,
                 allowed=f"writable C-contiguous {self.dtype} {self._shape}, apart from the arguments",
             )
         return out
@@ -208,7 +202,9 @@ class CompiledModel(Summarised):
     def facts(self) -> list[Fact]:
         """Return sizes, names and quantities, for `repr` and notebooks."""
         manifest = self.manifest
-        runs = [item.name for item in manifest.integrators] + [item.name for item in manifest.solvers]
+        runs = [argument.name for argument in manifest.integrators] + [
+            argument.name for argument in manifest.solvers
+        ]
         inputs = count_names(manifest.input_name)
         return [
             ("nodes", count_names(manifest.node_name)),

@@ -1,4 +1,4 @@
-"""From coordinates to nodes: placed by the manifest where coordinates are theirs, else by the model."""
+"""Positions and velocities of all nodes of a state, and the poles of bodies' angles."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -7,9 +7,14 @@ import numpy as np
 
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.tables.manifest import Manifest
 
 # What a model must compute whose coordinates are no node coordinates, so that its nodes can be placed.
 NODE_QUANTITIES = ("node_position", "node_velocity")
+# Sine of the angle to the pole of its chart below which a body's angles are not to be trusted.
+NEAR_POLE = 1e-3
+# The same, below which a configuration is not looked at.
+NEAREST_POLE = 1e-6
 
 
 def place_nodes(
@@ -28,36 +33,51 @@ def place_nodes(
     manifest = model.manifest
     result = manifest.stated_position.copy()
     if not manifest.coordinate_node_axis:
-        given = {**(arguments or {}), "coordinate": coordinate}
-        result[:, list(manifest.axes)] = model.compute("node_position", **given)
+        values = {**(arguments or {}), "coordinate": coordinate}
+        result[:, list(manifest.axes)] = model.compute("node_position", **values)
         return result
-    changeable = next((item for item in manifest.arguments if item.name == "anchor_position"), None)
+    changeable = next(
+        (argument for argument in manifest.arguments if argument.name == "anchor_position"), None
+    )
     if anchor_position is not None and changeable is not None:
         rows = [manifest.node_name.index(name) for name in changeable.over]
         result[np.ix_(rows, list(manifest.axes))] = np.reshape(anchor_position, changeable.shape)
-    places = manifest.coordinate_place
-    result[places[:, 0], places[:, 1]] = coordinate
+    node_axis = manifest.coordinate_place
+    result[node_axis[:, 0], node_axis[:, 1]] = coordinate
     return result
 
 
 def place_velocities(
-    model: Model,
-    coordinate: FloatArray,
-    velocity: FloatArray,
-    *,
-    arguments: Mapping[str, Any] | None = None,
+    model: Model, coordinate: FloatArray, velocity: FloatArray, *, arguments: Mapping[str, Any] | None = None
 ) -> FloatArray:
-    """Return node velocities (n_nodes, 3) [m/s] of a state; zero on anchored and dropped axes.
-
-    arguments: other run-time arguments, used by a model whose coordinates are no node coordinates; it must
-    compute `node_velocity`, else UnknownNameError.
-    """
+    """Return node velocities (n_nodes, 3) [m/s] of a state; zero on anchored and dropped axes."""
     manifest = model.manifest
     result = np.zeros((len(manifest.node_name), 3))
     if not manifest.coordinate_node_axis:
-        given = {**(arguments or {}), "coordinate": coordinate, "velocity": velocity}
-        result[:, list(manifest.axes)] = model.compute("node_velocity", **given)
+        values = {**(arguments or {}), "coordinate": coordinate, "velocity": velocity}
+        result[:, list(manifest.axes)] = model.compute("node_velocity", **values)
         return result
-    places = manifest.coordinate_place
-    result[places[:, 0], places[:, 1]] = velocity
+    node_axis = manifest.coordinate_place
+    result[node_axis[:, 0], node_axis[:, 1]] = velocity
     return result
+
+
+def name_charts(manifest: Manifest) -> list[str]:
+    """Return the names of the bodies that have angles, in the order of `chart_margin`."""
+    names = (name.rpartition("_") for name in manifest.coordinate_name)
+    return list(dict.fromkeys(body for body, _, _ in names))
+
+
+def judge_charts(
+    model: Model, time: FloatArray, coordinate: FloatArray, status: str, message: str
+) -> tuple[str, str]:
+    """Return "at_pole" where a body is near the pole of its angles or passes it, else status and message."""
+    margin = np.array([model.compute("chart_margin", coordinate=row) for row in coordinate])
+    bad = (np.abs(margin) < NEAR_POLE) | (np.sign(margin) != np.sign(margin[0]))
+    if not bad.any():
+        return status, message
+    row = int(np.argmax(bad.any(axis=1)))
+    chart = int(np.argmax(bad[row]))
+    angles = name_charts(model.manifest)[chart]
+    event = f"by t = {time[row]:.6g} s the body {angles!r} has reached the pole of its angles"
+    return "at_pole", f"{event} (margin {margin[row, chart]:.3g}): give it another polar_axis"

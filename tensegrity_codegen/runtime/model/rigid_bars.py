@@ -29,13 +29,13 @@ class RigidBars:
         self.ends = np.array(manifest.connectivity, dtype=np.int64).reshape(-1, 2)[self.row]
         self.size = len(manifest.coordinate_node_axis)
         self.axes = manifest.axes
-        places = np.full((len(manifest.node_name), 3), -1, dtype=np.int64)
-        place = manifest.coordinate_place
-        places[place[:, 0], place[:, 1]] = np.arange(self.size)
+        column_of = np.full((len(manifest.node_name), 3), -1, dtype=np.int64)
+        node_axis = manifest.coordinate_place
+        column_of[node_axis[:, 0], node_axis[:, 1]] = np.arange(self.size)
         # One entry of J for each bar, end and axis that is free.
         count = len(self.row)
         bar = np.repeat(np.arange(count), 6)
-        column = places[self.ends].reshape(-1)
+        column = column_of[self.ends].reshape(-1)
         axis = np.tile(np.arange(3), 2 * count)
         sign = np.tile(np.repeat([1.0, -1.0], 3), count)
         free = column >= 0
@@ -81,11 +81,11 @@ class RigidBars:
         """Return an orthonormal basis of J v = 0, sparse (n_coordinates, n_directions)."""
         touched = np.zeros(self.size, dtype=bool)
         rows, columns, values, count = [], [], [], 0
-        for bars, places in self.components:
-            touched[places] = True
-            null = _null_space(jacobian[bars][:, places].toarray())
-            rows.append(np.repeat(places, null.shape[1]))
-            columns.append(count + np.tile(np.arange(null.shape[1]), len(places)))
+        for bars, coordinates in self.components:
+            touched[coordinates] = True
+            null = _null_space(jacobian[bars][:, coordinates].toarray())
+            rows.append(np.repeat(coordinates, null.shape[1]))
+            columns.append(count + np.tile(np.arange(null.shape[1]), len(coordinates)))
             values.append(null.ravel())
             count += null.shape[1]
         free = np.flatnonzero(~touched)
@@ -103,10 +103,7 @@ class RigidBars:
         return np.asarray(jacobian.T @ self._solve(jacobian, -gap))
 
     def place(self, locate: Callable[[FloatArray], FloatArray], coordinate: FloatArray) -> FloatArray | None:
-        """Return the nearest coordinates at which all bars have their lengths, None if none is found.
-
-        locate: node positions (n_nodes, 3) [m] of coordinates.
-        """
+        """Return the nearest coordinates at which all bars have their lengths, None if none is found."""
         placed, before = np.array(coordinate, dtype=float), np.inf
         for _ in range(MOST_CORRECTIONS):
             position = locate(placed)
@@ -114,8 +111,8 @@ class RigidBars:
             worst = float(np.abs(gap).max(initial=0.0))
             if not np.isfinite(worst):
                 return None
-            least = self.rounding(position)
-            if worst <= least / 4 or (worst <= least and worst >= before / 2):
+            rounding = self.rounding(position)
+            if worst <= rounding / 4 or (worst <= rounding and worst >= before / 2):
                 return placed
             before = worst
             try:
@@ -145,7 +142,7 @@ class RigidBars:
         order = np.argsort(label, kind="stable")
         groups = np.split(order, np.searchsorted(label[order], np.arange(1, number)))
         pairs = [(group[group < count], group[group >= count] - count) for group in groups]
-        return [(bars, places) for bars, places in pairs if len(bars) and len(places)]
+        return [(bars, coordinates) for bars, coordinates in pairs if len(bars) and len(coordinates)]
 
 
 def list_rigid_bars(manifest: Manifest) -> IntArray:

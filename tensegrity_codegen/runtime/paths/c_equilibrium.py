@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensegrity_codegen.runtime.model.arguments import merge_inputs
 from tensegrity_codegen.runtime.model.arrays import to_sized
+from tensegrity_codegen.runtime.model.interface import require_double
+from tensegrity_codegen.runtime.model.library import raise_for_status
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
-from tensegrity_codegen.runtime.model.require import require_double
-from tensegrity_codegen.runtime.model.status import raise_for_status
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import (
     ConvergenceError,
@@ -79,10 +79,7 @@ class SolvedPath:
 
 
 class EquilibriumSolver:
-    """The solver in a model's library, with its work memory; one object for each thread.
-
-    Raises FormulationError if the library was built without the solver.
-    """
+    """The solver in a model's library, if it has one, with its work memory; one for each thread."""
 
     def __init__(self, model: CompiledModel) -> None:
         require_double(model.manifest, "the search for an equilibrium")
@@ -108,19 +105,19 @@ class EquilibriumSolver:
         start and arguments not given take the scene's own values. tolerance: largest static force on a
         coordinate [N, N m] that counts as none. Raises InvalidValueError, NonFiniteError, UnknownNameError.
         """
-        place = self._sized("coordinate", start, (self._size,)).copy()
+        coordinate = self._sized("coordinate", start, (self._size,)).copy()
         passed = self._arguments(arguments)
         report = np.zeros(1, dtype=REPORT)
         status = self._one(
-            self._pointer(place),
+            self._pointer(coordinate),
             *map(self._pointer, passed.values()),
             tolerance,
             most_iterations,
             self._reports(report),
             self._pointer(self._work),
         )
-        self._refuse(status, {"coordinate": place, **passed}, tolerance, most_iterations)
-        return _collect(status, place[None, :], report, int(status == 0))
+        self._refuse(status, {"coordinate": coordinate, **passed}, tolerance, most_iterations)
+        return _collect(status, coordinate[None, :], report, int(status == 0))
 
     def follow(
         self,
@@ -150,23 +147,23 @@ class EquilibriumSolver:
                 "wrong shape", where=self.spec.varied, given=varied.shape, allowed=f"(n_path, *{shape})"
             )
         passed[self.spec.varied] = varied
-        first = self._sized("coordinate", start, (self._size,))
+        coordinate = self._sized("coordinate", start, (self._size,))
         count = len(varied)
-        place, report = np.empty((count, self._size)), np.zeros(count, dtype=REPORT)
+        solution, report = np.empty((count, self._size)), np.zeros(count, dtype=REPORT)
         n_found = self._ffi.new("long long *")
         status = self._path(
-            self._pointer(first),
+            self._pointer(coordinate),
             count,
             *map(self._pointer, passed.values()),
             tolerance,
             most_iterations,
-            self._pointer(place),
+            self._pointer(solution),
             self._reports(report),
             n_found,
             self._pointer(self._work),
         )
-        self._refuse(status, {"coordinate": first, **passed}, tolerance, most_iterations)
-        return _collect(status, place, report, int(n_found[0]))
+        self._refuse(status, {"coordinate": coordinate, **passed}, tolerance, most_iterations)
+        return _collect(status, solution, report, int(n_found[0]))
 
     def _pointer(self, array: FloatArray) -> Any:
         return self._ffi.from_buffer(self._doubles, array)
@@ -174,16 +171,16 @@ class EquilibriumSolver:
     def _reports(self, array: NDArray[np.void]) -> Any:
         return self._ffi.from_buffer("equilibrium_report[]", array)
 
-    def _arguments(self, given: Mapping[str, ArrayLike]) -> dict[str, FloatArray]:
-        given = merge_inputs(self.model.manifest, given)
-        for name in given:
+    def _arguments(self, values: Mapping[str, ArrayLike]) -> dict[str, FloatArray]:
+        values = merge_inputs(self.model.manifest, values)
+        for name in values:
             if name not in ARGUMENTS or name == "coordinate":
-                known = (*self.spec.arguments, *self.model.manifest.input_name)
+                valid_names = (*self.spec.arguments, *self.model.manifest.input_name)
                 raise UnknownNameError(
-                    "unknown argument", where=self.spec.symbol, given=name, hint=suggest(name, known)
+                    "unknown argument", where=self.spec.symbol, given=name, hint=suggest(name, valid_names)
                 )
         return {
-            name: self._sized(name, given.get(name), self.model.nominal(name).shape)
+            name: self._sized(name, values.get(name), self.model.nominal(name).shape)
             for name in self.spec.arguments
         }
 
@@ -194,15 +191,15 @@ class EquilibriumSolver:
         self, status: int, passed: Mapping[str, FloatArray], tolerance: float, most_iterations: int
     ) -> None:
         """Raise for what was wrong with the arguments."""
-        word = WORDS[status]
-        if word == "invalid_argument" or not np.isfinite(tolerance):
+        reason = WORDS[status]
+        if reason == "invalid_argument" or not np.isfinite(tolerance):
             raise InvalidValueError(
                 "the tolerance or the number of iterations is out of range",
                 where=self.spec.symbol,
                 given=f"tolerance {tolerance}, most_iterations {most_iterations}",
                 allowed="a tolerance > 0 and most_iterations >= 0",
             )
-        if word in ("non_finite_input", "null_pointer"):
+        if reason in ("non_finite_input", "null_pointer"):
             raise_for_status(status, self.spec.symbol, passed)
 
 
@@ -218,7 +215,7 @@ def _find_spec(model: CompiledModel) -> SolverSpec:
     )
 
 
-def _collect(status: int, place: FloatArray, report: NDArray[np.void], n_found: int) -> SolvedPath:
+def _collect(status: int, coordinate: FloatArray, report: NDArray[np.void], n_found: int) -> SolvedPath:
     failed: dict[str, float] = {}
     if status:
         row = report[n_found]
@@ -226,7 +223,7 @@ def _collect(status: int, place: FloatArray, report: NDArray[np.void], n_found: 
     good = report[:n_found]
     return SolvedPath(
         status=WORDS[status],
-        coordinate=place[:n_found],
+        coordinate=coordinate[:n_found],
         iterations=good["iterations"].astype(np.int64),
         residual=good["residual"].copy(),
         smallest_pivot=good["smallest_pivot"].copy(),

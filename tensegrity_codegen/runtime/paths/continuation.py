@@ -16,17 +16,24 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.model.arrays import to_doubles
-from tensegrity_codegen.runtime.paths.load_path import LoadPath, PathEvent, PathPoint, collect_path
+from tensegrity_codegen.runtime.paths.load_path import (
+    LoadPath,
+    NeutralMotions,
+    PathEvent,
+    PathPoint,
+    PathProblem,
+    Watch,
+    collect_path,
+)
 from tensegrity_codegen.runtime.paths.path_events import (
     MAX_PREDICTION_ERROR,
     SLOPE_STEP,
     Crossing,
     EventTracker,
     LostError,
+    PathMemory,
     Step,
 )
-from tensegrity_codegen.runtime.paths.path_memory import PathMemory
-from tensegrity_codegen.runtime.paths.path_problem import NeutralMotions, PathProblem, Watch
 from tensegrity_codegen.runtime.paths.path_solver import PathSolver, PathState
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import (
@@ -53,16 +60,7 @@ FIRST_STEP_RATIO = 0.1  # first step as part of the largest
 
 @dataclass(frozen=True)
 class StepControl:
-    """Lengths of steps of a load path, in scaled coordinates and load factor z; a straight path is about 1.4
-    long.
-
-    Attributes
-    ----------
-    largest, smallest : float
-        Largest and smallest step.
-    most_steps : int
-        Largest number of steps.
-    """
+    """Largest and smallest step in scaled z (a straight path is about 1.4 long), and the most steps."""
 
     largest: float = 0.1
     smallest: float = 1e-7
@@ -136,17 +134,20 @@ def follow_path(
     check_callback(neutral, "neutral")
     check_callback(progress, "progress")
     _check_lists(watches, stop_at)
-    first = _check_start(start, least, most)
-    _check_floor(floor)
-    expected = first.shape
+    begin = _check_start(start, least, most)
+    if floor is not None and not (is_number(floor) or (isinstance(floor, float) and math.isinf(floor))):
+        raise InvalidValueError(
+            "not a load factor", where="floor", given=floor, allowed="a number, -inf for none, or None"
+        )
+    expected = begin.shape
     with suppress(NonFiniteError):  # then the path has no start
-        expected = np.shape(problem.residual(first, float(least)))
-    if first.shape != expected:
-        raise InvalidValueError("wrong shape", where="start", given=first.shape, allowed=f"shape {expected}")
+        expected = np.shape(problem.residual(begin, float(least)))
+    if begin.shape != expected:
+        raise InvalidValueError("wrong shape", where="start", given=begin.shape, allowed=f"shape {expected}")
     path = _Path(problem, tuple(watches), neutral, control, (least, most))
     path.tracker.floor = least if floor is None else float(floor)
     path.stop_at = frozenset(stop_at)
-    status, message = path.run(first, progress)
+    status, message = path.run(begin, progress)
     return collect_path(path.points, path.events, status, message, path.solver.n_iterations)
 
 
@@ -190,14 +191,14 @@ class _Path:
             ended = self._take(step)
             if ended:
                 return ended
-            state, known = step.end, len(self.events)
-            found = self._far_tangent(step) if step.is_cut else step.solver.tangent(state, tangent)
-            if found is None:
+            state, n_events = step.end, len(self.events)
+            next_tangent = self._far_tangent(step) if step.is_cut else step.solver.tangent(state, tangent)
+            if next_tangent is None:
                 return "stalled", f"the stiffness is singular beyond load factor {state.load_factor:.10g}"
-            tangent = found
+            tangent = next_tangent
             if self.memory is not None:
                 state, tangent = self.memory.turn(state, tangent, self.tracker)
-            ended = self._find_stop(known) or self._find_loop(step, tangent)
+            ended = self._find_stop(n_events) or self._find_loop(step, tangent)
             if ended:
                 return ended
             describe_pass(
@@ -228,10 +229,7 @@ class _Path:
         return (state, tangent) if self.memory is None else self.memory.renew(state, tangent, self.tracker)
 
     def _turn_with_load(self, state: PathState, tangent: FloatArray) -> FloatArray:
-        """Return the tangent along which a floating structure turns as well; note whether it is unstable so.
-
-        Without load the rate at which it turns to stay in balance is not known; a short step tells it.
-        """
+        """Return the tangent along which a floating structure turns as well, by a short step."""
         short = self.control.largest * TURN_STEP_RATIO
         end = self.solver.solve(state.z + short * tangent, tangent, float(tangent @ state.z) + short)
         if end is None:
@@ -292,14 +290,14 @@ class _Path:
         """Find the crossings of a step in order; cut it at the first that ends the path or is a kink."""
         sides = self.tracker.side.copy()
         try:
-            self._search_all(step)
+            self._find_crossings(step)
         finally:
             self.tracker.side = sides
 
-    def _search_all(self, step: Step) -> None:
-        tracker, least = self.tracker, 0.0
+    def _find_crossings(self, step: Step) -> None:
+        tracker, lower = self.tracker, 0.0
         while len(step.crossings) < MAX_CROSSINGS * len(tracker.side):
-            crossing = tracker.find_crossing(step, least)
+            crossing = tracker.find_crossing(step, lower)
             if crossing is None:
                 return
             step.crossings.append(crossing)
@@ -309,7 +307,7 @@ class _Path:
                 step.is_cut = True
                 return
             # A value that is zero where it has crossed must not be found there again.
-            least = crossing.length + SLOPE_STEP * step.length * (crossing.length <= least)
+            lower = crossing.length + SLOPE_STEP * step.length * (crossing.length <= lower)
             tracker.pass_over(crossing.crossed)
         raise LostError
 
@@ -319,14 +317,14 @@ class _Path:
         for crossing in step.crossings:
             state, crossed = crossing.state, crossing.crossed
             tangent = step.tangent_at(state)
-            stop, known = tracker.find_stop(crossed), len(self.events)
+            stop, n_events = tracker.find_stop(crossed), len(self.events)
             self.events += tracker.describe(crossing, step, len(self.points))
             tracker.pass_over(crossed)
             if crossed[tracker.ended]:
                 self._add(self._at_load(state, self.most), tangent, self.most)
                 return "completed", f"load factor {self.most:.10g} was reached"
             self._add(state, tangent)
-            ended = self._find_stop(known)
+            ended = self._find_stop(n_events)
             if ended:
                 return ended
             if stop:
@@ -341,24 +339,24 @@ class _Path:
         """Return status and message where a step leads over the first point of the path again."""
         if len(self.points) < MIN_LOOP_POINTS:
             return None
-        first = self.solver.join(self.points[0].coordinate, self.points[0].load_factor)
+        origin = self.solver.join(self.points[0].coordinate, self.points[0].load_factor)
         along = step.end.z - step.start.z
         length = float(np.linalg.norm(along))
         if length == 0.0:  # cut at a kink where the step begins
             return None
-        part = float((first - step.start.z) @ along) / length**2
-        aside = float(np.linalg.norm(first - step.start.z - np.clip(part, 0, 1) * along))
+        fraction = float((origin - step.start.z) @ along) / length**2
+        aside = float(np.linalg.norm(origin - step.start.z - np.clip(fraction, 0, 1) * along))
         if (
-            not 0 <= part <= 1
+            not 0 <= fraction <= 1
             or aside > LOOP_CLOSURE_TOLERANCE * length
             or tangent[-1] * self.points[0].load_rate <= 0
         ):
             return None
         return "returned", "the path is a closed loop and returned to its start"
 
-    def _find_stop(self, known: int) -> tuple[str, str] | None:
-        """Return status and message where one of the events after the first `known` ones ends the path."""
-        for event in self.events[known:]:
+    def _find_stop(self, n_events: int) -> tuple[str, str] | None:
+        """Return status and message where one of the events after the first `n_events` ends the path."""
+        for event in self.events[n_events:]:
             if event.kind in self.stop_at:
                 return "stopped", f"{event.kind} at load factor {event.load_factor:.10g}"
         return None
@@ -366,8 +364,8 @@ class _Path:
     def _at_load(self, state: PathState, load_factor: float) -> PathState:
         """Return the point next to a state that has this load factor, the state if there is none."""
         upward = np.append(np.zeros(len(state.z) - 1), 1.0)
-        found = self.solver.solve(state.z, upward, load_factor / self.solver.load_scale)
-        return state if found is None else found
+        located = self.solver.solve(state.z, upward, load_factor / self.solver.load_scale)
+        return state if located is None else located
 
     def _describe_return(self) -> str:
         highest = max(
@@ -393,12 +391,14 @@ class _Path:
         except NonFiniteError:
             return None
         crossed = step.crossings[-1].crossed[: tracker.n_watched]
-        ahead, behind = (int((tracker.side[: tracker.n_watched] * row > 0)[crossed].sum()) for row in watched)
-        if behind > ahead:
+        n_after, n_before = (
+            int((tracker.side[: tracker.n_watched] * row > 0)[crossed].sum()) for row in watched
+        )
+        if n_before > n_after:
             tangent = -tangent
-        far = PathState(self.solver, beyond, state.residual, state.iterations)
+        beyond_state = PathState(self.solver, beyond, state.residual, state.iterations)
         before = tracker.side.copy()
-        tracker.renew(tracker.values(far, tangent))
+        tracker.renew(tracker.values(beyond_state, tangent))
         self._note_jump(state, inward, before)
         return tangent
 
@@ -424,32 +424,25 @@ class _Path:
 
 def _check_lists(watches: Any, stop_at: Any) -> None:
     """Raise InvalidValueError unless these are a list of Watch and a list of kinds of events."""
-    for given, kind, place in ((watches, Watch, "watches"), (stop_at, str, "stop_at")):
-        check_instance(given, (tuple, list), place, f"a list of {kind.__name__}")
-        for item in given:
-            check_instance(item, kind, place, f"a list of {kind.__name__}")
-
-
-def _check_floor(floor: Any) -> None:
-    if floor is not None and not (is_number(floor) or (isinstance(floor, float) and math.isinf(floor))):
-        raise InvalidValueError(
-            "not a load factor", where="floor", given=floor, allowed="a number, -inf for none, or None"
-        )
+    for values, kind, name in ((watches, Watch, "watches"), (stop_at, str, "stop_at")):
+        check_instance(values, (tuple, list), name, f"a list of {kind.__name__}")
+        for value in values:
+            check_instance(value, kind, name, f"a list of {kind.__name__}")
 
 
 def _check_start(start: ArrayLike, least: float, most: float) -> FloatArray:
     """Return a copy of the start; raise for what no path can begin with."""
-    first = to_doubles(start, "start", "coordinates of shape (n,)").copy()
+    begin = to_doubles(start, "start", "coordinates of shape (n,)").copy()
     factors = [to_doubles(value, name, "a number") for name, value in (("least", least), ("most", most))]
-    if not (np.isfinite(first).all() and all(np.isfinite(value).all() for value in factors)):
+    if not (np.isfinite(begin).all() and all(np.isfinite(value).all() for value in factors)):
         raise NonFiniteError("start and load factors have to be finite", where="follow_path")
     for name, value in (("least", least), ("most", most)):
         if not is_number(value):
             raise InvalidValueError("not a load factor", where=name, given=value, allowed="a finite number")
-    if first.ndim != 1 or first.size == 0:
-        raise InvalidValueError("the start is not a vector", where="start", given=first.shape, allowed="(n,)")
+    if begin.ndim != 1 or begin.size == 0:
+        raise InvalidValueError("the start is not a vector", where="start", given=begin.shape, allowed="(n,)")
     if most == least:
         raise InvalidValueError(
             "the path has no length", where="most", given=most, allowed=f"a load factor other than {least}"
         )
-    return first
+    return begin

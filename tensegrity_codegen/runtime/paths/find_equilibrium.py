@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tensegrity_codegen.runtime.model.arguments import merge_inputs
 from tensegrity_codegen.runtime.model.interface import Model
-from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.paths.model_path import GROWING
 from tensegrity_codegen.runtime.paths.snap import find_load_snap, find_snap, join_snaps
 from tensegrity_codegen.runtime.statics import equilibrium as search
@@ -89,7 +89,7 @@ def find_equilibrium(
     ('converged', 1.061313)
     """
     check_switch(snap_check, "snap_check")
-    found = search.find_equilibrium(
+    equilibrium = search.find_equilibrium(
         model,
         coordinate=coordinate,
         arguments=arguments,
@@ -101,39 +101,36 @@ def find_equilibrium(
         raise_on_failure=raise_on_failure,
     )
     if not snap_check:
-        return found
-    return replace(found, snap=judge_snap(model, found, coordinate=coordinate, arguments=arguments))
+        return equilibrium
+    return replace(
+        equilibrium, snap=judge_snap(model, equilibrium, coordinate=coordinate, arguments=arguments)
+    )
 
 
 def judge_snap(
     model: Model,
-    found: Equilibrium,
+    equilibrium: Equilibrium,
     *,
     coordinate: ArrayLike | None = None,
     arguments: Mapping[str, Any] | None = None,
     base: FloatArray | None = None,
 ) -> Snap:
-    """Return whether prestress and all loads, or those added to the loads `base`, lead to a jump.
-
-    coordinate: the given shape, by default that of the scene, like the values `base` of node_load [N].
-    Unknown where the loads of the model are constants, without reason where the question is not asked: on the
-    ground, and of cables in segments.
-    """
-    structure = found.structure
-    if not found.is_found:
+    """Return whether loads from zero, or those added to `base`, lead to a jump; unknown on the ground."""
+    structure = equilibrium.structure
+    if not equilibrium.is_found:
         return Snap(None, reason="no equilibrium was found")
-    if found.slid:
+    if equilibrium.slid:
         return Snap(None, reason="paths do not know friction at rings")
     # On the ground the loads have grown already; without its weight a chain has no stiffness.
-    if found.feet is not None or (isinstance(structure, Structure) and find_chains(structure)):
+    if equilibrium.feet is not None or (isinstance(structure, Structure) and find_chains(structure)):
         return Snap(None)
     constant = _name_constant_loads(model)
     if structure is None or constant:
         return Snap(None, reason=f"{constant} cannot grow from zero: they are constants of the library")
-    given = merge_inputs(model.manifest, arguments)
-    changing = {item.name for item in model.manifest.arguments}
+    inputs = merge_inputs(model.manifest, arguments)
+    changing = {argument.name for argument in model.manifest.arguments}
     loads = {
-        name: np.asarray(given.pop(name, model.nominal(name)), dtype=np.float64)
+        name: np.asarray(inputs.pop(name, model.nominal(name)), dtype=np.float64)
         for name in GROWING
         if name in changing
     }
@@ -141,18 +138,20 @@ def judge_snap(
     loads = {"node_load": loads["node_load"], **weight}
     members = zip(structure.member_name, structure.is_bar, strict=True)
     cables = [name for name, bar in members if not bar and model.has("member_extension")]
-    whole = find_load_snap(model, found, loads, coordinate=coordinate, cables=cables, arguments=given)
-    own = model.nominal("node_load") if base is None else base
-    if not (loads["node_load"] - own).any() or not (own.any() or weight):
-        return whole
-    added = find_snap(model, found, own, loads["node_load"], cables=cables, arguments=given | weight)
-    return join_snaps(whole, added)
+    total = find_load_snap(model, equilibrium, loads, coordinate=coordinate, cables=cables, arguments=inputs)
+    initial_load = model.nominal("node_load") if base is None else base
+    if not (loads["node_load"] - initial_load).any() or not (initial_load.any() or weight):
+        return total
+    added = find_snap(
+        model, equilibrium, initial_load, loads["node_load"], cables=cables, arguments=inputs | weight
+    )
+    return join_snaps(total, added)
 
 
 def _name_constant_loads(model: Model) -> str:
     """Return which loads that act are constants of the library, an empty text where none are."""
     structure = getattr(model, "structure", None)
-    changing = {item.name: item.over for item in model.manifest.arguments}
+    changing = {argument.name: argument.over for argument in model.manifest.arguments}
     if structure is None or "node_load" not in changing:
         return "loads"
     loaded = {name for name, load in zip(structure.node_name, structure.node_load, strict=True) if load.any()}

@@ -1,17 +1,14 @@
 """Load paths on the ground: steps of the load, each with the bristles of the one before, and their events."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from tensegrity_codegen.runtime.paths.load_path import LoadPath, PathEvent, PathPoint, collect_path
 from tensegrity_codegen.runtime.paths.model_path import ModelPath
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem, find_equilibrium
-from tensegrity_codegen.runtime.statics.newton import Outcome, find_minimum, find_stability
-from tensegrity_codegen.runtime.statics.on_ground import Feet, continue_on_ground, describe_feet
-from tensegrity_codegen.runtime.statics.static_problem import Point
+from tensegrity_codegen.runtime.statics.newton import FOUND, Outcome, find_stability
+from tensegrity_codegen.runtime.statics.on_ground import Feet, describe_feet, step_on_ground
 from tensegrity_codegen.system.arrays import FloatArray
 
 LOCATED = 1e-7  # of the path: how closely events are located
@@ -20,7 +17,6 @@ MOST_ITERATIONS = 200  # of the search in a step
 KINDS = {"open": "lift", "slip": "slip", "stick": "stick"}  # kind of event by the state that begins
 ENDS = ("slides", "tips", "lifts_off")  # how structures cease to stand
 MOST_POINTS = 1000
-FOUND = ("converged", "rounding_limited")
 
 
 @dataclass(frozen=True)
@@ -48,69 +44,56 @@ def follow_ground_path(path: ModelPath, *, most: float = 1.0, largest_step: floa
     Friction depends on the way: a step starts from the bristles of the one before. A step in which a foot
     changes its state is halved until that is located.
     """
-    given = {name: value for name, value in path.arguments.items() if name != "velocity"}
-    begun = find_equilibrium(path.model, arguments={**given, **path.loads(0.0)})
+    begun = find_equilibrium(path.model, arguments=path.static_arguments(0.0))
     assert begun.feet is not None
     here = _State(
         0.0, begun.coordinate, begun.node_position, begun.feet, begun.residual, begun.smallest_eigenvalue
     )
-    points, events, part, iterations = [here], list[PathEvent](), largest_step, 0
+    points, events, step, iterations = [here], list[PathEvent](), largest_step, 0
     status, message = "completed", "the load factor was reached"
     thorough = False  # Newton's method alone has found nothing since feet last changed their state
     while here.load_factor != most:
         if len(points) > MOST_POINTS:
             status, message = "step_limit", f"the load was not reached in {MOST_POINTS} steps"
             break
-        left = 1.0 - here.load_factor / most
-        last = part >= left
-        is_located = min(part, left) <= LOCATED
-        load_factor = most if last else here.load_factor + part * most
-        found = _take_step(path, given, here, load_factor, at_any_cost=thorough or is_located)
+        remaining = 1.0 - here.load_factor / most
+        is_last = step >= remaining
+        is_located = min(step, remaining) <= LOCATED
+        load_factor = most if is_last else here.load_factor + step * most
+        outcome = _take_step(path, here, load_factor, at_any_cost=thorough or is_located)
         iterations += 1
-        if isinstance(found, Outcome):
-            if is_located and found.status in ENDS:
-                status, message = "stopped", found.message
-                events.append(_record(found.status, here.feet.node_name, here, len(points) - 1))
+        if isinstance(outcome, Outcome):
+            if is_located and outcome.status in ENDS:
+                status, message = "stopped", outcome.message
+                events.append(_record(outcome.status, here.feet.node_name, here, len(points) - 1))
                 break
             if is_located:
                 status = "stalled"
                 message = (
-                    f"no equilibrium was found beyond load factor {here.load_factor:.10g}: {found.message}"
+                    f"no equilibrium was found beyond load factor {here.load_factor:.10g}: {outcome.message}"
                 )
                 break
-            part = min(part, left) / 2
+            step = min(step, remaining) / 2
             continue
-        changes = _find_changes(here.feet, found.feet)
+        changes = _find_changes(here.feet, outcome.feet)
         if changes and not is_located:
-            part = min(part, left) / 2
+            step = min(step, remaining) / 2
             continue
         thorough = (thorough or is_located) and not changes
-        here = found
+        here = outcome
         points.append(here)
         events += [_record(kind, names, here, len(points) - 1) for kind, names in changes.items()]
-        part = largest_step if changes else min(2 * part, largest_step)
+        step = largest_step if changes else min(2 * step, largest_step)
     rows = [PathPoint(p.coordinate, p.load_factor, p.residual, p.eigenvalue, 1.0) for p in points]
     return collect_path(rows, events, status, message, iterations)
 
 
-def _take_step(
-    path: ModelPath, given: Mapping[str, Any], here: _State, load_factor: float, *, at_any_cost: bool
-) -> _State | Outcome:
-    """Return the equilibrium at a load factor, or the outcome where none is found.
-
-    at_any_cost: search for a minimum too, which takes long, where Newton's method alone finds none.
-    """
-    problem = build_problem(path.model, {**given, **path.loads(load_factor)})
-    contacts = problem.contacts
-    assert contacts is not None
-    contacts.begin(here.position, here.feet.internal if contacts.friction else None)
-    start = problem.to_search_coordinate(here.coordinate)
-    problem.watch_stiff_members(start)
-
-    def search(point: Point) -> Outcome:
-        return find_minimum(problem, point, tolerance=TOLERANCE, max_iterations=MOST_ITERATIONS)
-
-    outcome = continue_on_ground(problem, start, search if at_any_cost else None, tolerance=TOLERANCE)
+def _take_step(path: ModelPath, here: _State, load_factor: float, *, at_any_cost: bool) -> _State | Outcome:
+    """Return the equilibrium at a load factor, or the outcome; at_any_cost: by a search for a minimum too."""
+    problem = build_problem(path.model, path.static_arguments(load_factor))
+    most_iterations = MOST_ITERATIONS if at_any_cost else 0
+    state = here.coordinate, here.position, here.feet
+    outcome = step_on_ground(problem, *state, tolerance=TOLERANCE, max_iterations=most_iterations)
     if outcome.status not in FOUND:
         return outcome
     point = outcome.point
@@ -122,12 +105,12 @@ def _take_step(
 
 def _find_changes(before: Feet, after: Feet) -> dict[str, tuple[str, ...]]:
     """Return kind of event -> the feet whose state changes so."""
-    found: dict[str, tuple[str, ...]] = {}
+    changes: dict[str, tuple[str, ...]] = {}
     for name, old, new in zip(before.node_name, before.state, after.state, strict=True):
         if old != new:
             kind = "touch" if old == "open" else KINDS.get(new, new)
-            found[kind] = (*found.get(kind, ()), name)
-    return found
+            changes[kind] = (*changes.get(kind, ()), name)
+    return changes
 
 
 def _record(kind: str, names: tuple[str, ...], at: _State, point: int) -> PathEvent:

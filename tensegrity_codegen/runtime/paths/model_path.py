@@ -1,25 +1,38 @@
 """A compiled model under a proportional load, as a problem whose load path can be followed.
 
 The arguments that grow, loads on nodes or gravity, are a_0 + lambda a: a_0 the base, a the pattern.
+
+With rigid bars a path is the zeros of one function of all coordinates. With p the nearest configuration to q
+that keeps the lengths, P = Z Z^T the projector on the directions there,
+
+    g(q, lambda) = P f(p, lambda) - sigma (q - p) = 0
+
+has the equilibria for its zeros, whatever sigma > 0 [N/m] is, and at them -dg/dq = P A P + sigma (1 - P)
+with A the Hessian of the Lagrangian: symmetric, with the eigenvalues of the structure and sigma.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.contacts.rest_memory import find_rest_memory
+from tensegrity_codegen.runtime.model.arguments import read_arguments
 from tensegrity_codegen.runtime.model.arrays import to_doubles
-from tensegrity_codegen.runtime.model.interface import Model
-from tensegrity_codegen.runtime.model.named_inputs import read_arguments
+from tensegrity_codegen.runtime.model.interface import (
+    Model,
+    require_double,
+    require_model,
+    require_quantities,
+)
 from tensegrity_codegen.runtime.model.placement import place_nodes
-from tensegrity_codegen.runtime.model.require import require_double, require_model, require_quantities
-from tensegrity_codegen.runtime.paths.path_problem import NeutralMotions, Watch
-from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions, find_neutral_motions
+from tensegrity_codegen.runtime.paths.load_path import NeutralMotions
+from tensegrity_codegen.runtime.statics.constrained_problems import BarProblem
+from tensegrity_codegen.runtime.statics.static_problem import build_rigid_motions, find_neutral_motions
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.checks import check_instance, check_switch
-from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, NonFiniteError, check_choice
 
 # What a load path needs of a model in node coordinates; events need member_extension and bar_distance too.
 LOAD_PATH_QUANTITIES = ("node_residual", "tangent_stiffness")
@@ -29,6 +42,8 @@ Pattern = ArrayLike | Mapping[str, ArrayLike]
 GROWING = ("node_load", "gravity")  # arguments that the forces are linear in
 PURPOSE = "a load path needs"
 FORCES = ("node_residual", "coordinate_force")  # what formulations call g
+# sigma as a multiple of the largest stiffness, so that the eigenvalues told are the structure's.
+SIGMA_STIFFNESS_RATIO = 10.0
 
 
 class ModelPath:
@@ -73,12 +88,12 @@ class ModelPath:
         self._force = next((name for name in FORCES if model.has(name)), "")
         if not self._force or not model.has("tangent_stiffness"):
             require_quantities(model, LOAD_PATH_QUANTITIES, PURPOSE)
-        given = read_arguments(arguments)
+        inputs = read_arguments(arguments)
         patterns = dict(pattern) if isinstance(pattern, Mapping) else {"node_load": pattern}
         _check_growing(model, patterns)
         shapes = {name: f"numbers of shape {model.nominal(name).shape}" for name in patterns}
         self.bases = {
-            name: to_doubles(given.pop(name, model.nominal(name)), name, shapes[name]).copy()
+            name: to_doubles(inputs.pop(name, model.nominal(name)), name, shapes[name]).copy()
             for name in patterns
         }
         self.patterns = {
@@ -86,8 +101,8 @@ class ModelPath:
         }
         _check_patterns(self.patterns, self.bases)
         self.size = len(model.manifest.coordinate_name)
-        self.arguments = {**given, "velocity": np.zeros(self.size)}
-        self.memory = find_rest_memory(model, given)
+        self.arguments = {**inputs, "velocity": np.zeros(self.size)}
+        self.memory = find_rest_memory(model, inputs)
         self._has_node_coordinates = bool(model.manifest.coordinate_node_axis)
         self._load = self._constant_load() if self._has_node_coordinates else None
         if not self._has_node_coordinates:
@@ -107,14 +122,22 @@ class ModelPath:
         """Return the values of the growing arguments at a load factor, by name."""
         return {name: base + load_factor * self.patterns[name] for name, base in self.bases.items()}
 
+    def static_arguments(self, load_factor: float) -> dict[str, Any]:
+        """Return all arguments of an equilibrium at a load factor, by name."""
+        inputs = {**self.arguments, **self.loads(load_factor)}
+        del inputs["velocity"]
+        return inputs
+
     def offers(self, quantity: str) -> bool:
         """Return whether `compute` gives the quantity."""
         return self.model.has(quantity)
 
     def compute(self, quantity: str, coordinate: FloatArray, load_factor: float) -> Any:
         """Return a quantity of the model at a point of the path."""
-        given = self._given(coordinate, load_factor)
-        return self.model.compute(quantity, **(self.memory.choose(quantity, given) if self.memory else given))
+        inputs = self._given(coordinate, load_factor)
+        return self.model.compute(
+            quantity, **(self.memory.choose(quantity, inputs) if self.memory else inputs)
+        )
 
     def settle(self, coordinate: FloatArray, load_factor: float) -> FloatArray | None:
         """Return the internal states of members there, (n_internal,); None where they have none."""
@@ -195,143 +218,12 @@ class ModelPath:
         return spread
 
 
-def watch_slack(path: ModelPath, members: Sequence[str]) -> Watch:
-    """Return the monitored function l - rho - q of some cables; at zero a cable goes slack or taut.
-
-    Parameters
-    ----------
-    path : ModelPath
-        The load path.
-    members : sequence of str
-        Names of the cables.
-
-    Returns
-    -------
-    Watch
-        For follow_path.
-
-    Raises
-    ------
-    FormulationError
-        The model lacks member_extension.
-    UnknownNameError
-        An unknown member.
-    """
-    check_instance(path, ModelPath, "path", "what build_path(...) returns")
-    rows = _find_rows(members, path.model.manifest.member_name, "members")
-    require_quantities(path.model, ("member_extension",), PURPOSE)
-
-    def extension(coordinate: FloatArray, load_factor: float) -> FloatArray:
-        found = np.asarray(path.compute("member_extension", coordinate, load_factor))
-        if path.model.has("plastic_elongation"):  # rest lengths that have grown
-            found = found - path.compute("plastic_elongation", coordinate, load_factor)
-        return found[rows]
-
-    return Watch("slack", tuple(members), extension, rising="taut", is_kink=True)
-
-
-def watch_switch(path: ModelPath, members: Sequence[str] = ()) -> list[Watch]:
-    """Return the monitored switches of member laws, where slopes jump; none where the model has none.
-
-    Parameters
-    ----------
-    path : ModelPath
-        The load path.
-    members : sequence of str
-        Names of the members whose law has a switch, in their order. Without names the path is cut there and
-        the switches are no events.
-
-    Returns
-    -------
-    list of Watch
-        For follow_path, one or none.
-    """
-    check_instance(path, ModelPath, "path", "what build_path(...) returns")
-    if not path.model.has("switch_margin"):
-        return []
-    count = len(np.asarray(path.model.compute("switch_margin")))
-    names, kind = (tuple(members), "switch") if members else (("",) * count, "")
-
-    def margin(coordinate: FloatArray, load_factor: float) -> FloatArray:
-        return np.asarray(path.compute("switch_margin", coordinate, load_factor))
-
-    return [Watch(kind, names, margin, rising=kind, is_kink=True)]
-
-
-def watch_yield(path: ModelPath) -> list[Watch]:
-    """Return the monitored margins of plastic members, where flow begins; none where the model has none.
-
-    Parameters
-    ----------
-    path : ModelPath
-        The load path.
-
-    Returns
-    -------
-    list of Watch
-        For follow_path, one or none.
-    """
-    check_instance(path, ModelPath, "path", "what build_path(...) returns")
-    if not path.model.manifest.subjects_of("yield"):
-        return []
-    names = tuple(name.rsplit("_", 1)[0] for name in path.model.manifest.subjects_of("yield"))
-
-    def margin(coordinate: FloatArray, load_factor: float) -> FloatArray:
-        return np.asarray(path.compute("yield_margin", coordinate, load_factor))
-
-    return [Watch("yield", names, margin, is_kink=True)]
-
-
-def watch_contact(path: ModelPath, pairs: Sequence[str] | None = None, *, stops: bool = True) -> Watch:
-    """Return the monitored distances between bars; at zero two bars touch.
-
-    Parameters
-    ----------
-    path : ModelPath
-        The load path.
-    pairs : sequence of str, optional
-        Names of pairs such as ``"bar1_bar2"``; by default all.
-    stops : bool
-        Whether the path ends at the first contact; beyond it bars pass through each other.
-
-    Returns
-    -------
-    Watch
-        For follow_path.
-
-    Raises
-    ------
-    FormulationError
-        The model lacks bar_distance.
-    UnknownNameError
-        An unknown pair.
-    """
-    check_instance(path, ModelPath, "path", "what build_path(...) returns")
-    require_quantities(path.model, ("bar_distance",), PURPOSE)
-    known = path.model.manifest.bar_pair_name
-    rows = _find_rows(known if pairs is None else pairs, known, "pairs of bars")
-    names = tuple(known[row] for row in rows)
-    check_switch(stops, "stops")
-
-    def distance(coordinate: FloatArray, load_factor: float) -> FloatArray:
-        return np.asarray(path.compute("bar_distance", coordinate, load_factor))[rows]
-
-    return Watch("contact", names, distance, rising="separation", stops=stops)
-
-
-def _find_rows(names: Sequence[str], known: Sequence[str], what: str) -> list[int]:
-    check_instance(names, (tuple, list), "watch", f"a list of names of {what}")
-    for name in names:
-        check_choice(name, known, f"name among {what}", "watch")
-    return [known.index(name) for name in names]
-
-
 def _check_growing(model: Model, patterns: Mapping[str, Any]) -> None:
     """Raise where what is to grow is no load, or no run-time argument of the model."""
-    known = {item.name for item in model.manifest.arguments}
+    changeable = {argument.name for argument in model.manifest.arguments}
     for name in patterns:
         check_choice(name, GROWING, "load", "pattern")
-        if name not in known:
+        if name not in changeable:
             raise FormulationError(
                 "a load path needs loads that may change at run time",
                 where=model.manifest.name,
@@ -356,3 +248,84 @@ def _refuse_pattern(pattern: FloatArray, shape: tuple[int, ...] | None) -> None:
         given=pattern if shape in (None, pattern.shape) else pattern.shape,
         allowed=f"finite numbers{'' if shape is None else f' of shape {shape}'}, not all zero",
     )
+
+
+class BarPath(ModelPath):
+    """Equilibria of springs and rigid bars with loads base + load factor times pattern, as ModelPath."""
+
+    has_rigid_bars: ClassVar[bool] = True
+
+    def __init__(self, model: Model, pattern: Pattern, arguments: Mapping[str, Any] | None = None) -> None:
+        super().__init__(model, pattern, arguments)
+        self._problem = BarProblem(model, self.static_arguments(1.0))
+        self.memory = self._problem.memory
+        start = self._problem.to_search_coordinate(model.nominal("coordinate").ravel())
+        stiffest = float(self._problem.row_stiffness(start).max(initial=0.0))
+        self._sigma = SIGMA_STIFFNESS_RATIO * stiffest or 1.0
+        self._last: tuple[float, BarProblem] | None = None
+
+    def offers(self, quantity: str) -> bool:
+        """Return whether `compute` gives the quantity."""
+        return quantity == "member_tension" or super().offers(quantity)
+
+    def compute(self, quantity: str, coordinate: FloatArray, load_factor: float) -> Any:
+        """Return a quantity of the model at a point of the path; tensions are those of rigid bars too."""
+        if quantity != "member_tension":
+            return super().compute(quantity, coordinate, load_factor)
+        problem, placed = self._at(coordinate, load_factor)
+        return problem.forces(placed)[1]
+
+    def residual(self, coordinate: FloatArray, load_factor: float, /) -> FloatArray:
+        """Return g, (n,) [N]."""
+        problem, placed = self._at(coordinate, load_factor)
+        return problem.residual(placed) - self._sigma * (coordinate - placed)
+
+    def stiffness(self, coordinate: FloatArray, load_factor: float, /) -> Any:
+        """Return P A P + sigma (1 - P), sparse (n, n) [N/m]."""
+        problem, placed = self._at(coordinate, load_factor)
+        along = problem.directions(placed)
+        held = scipy.sparse.eye_array(self.size) - along @ along.T
+        return scipy.sparse.csc_array(along @ problem.stiffness(placed) @ along.T + self._sigma * held)
+
+    def load_vector(self, coordinate: FloatArray, load_factor: float, /) -> FloatArray:
+        """Return the part of the pattern that bars leave free, (n,) [N]."""
+        problem, placed = self._at(coordinate, load_factor)
+        along = problem.directions(placed)
+        return np.asarray(along @ (along.T @ super().load_vector(coordinate, load_factor)))
+
+    def _at(self, coordinate: FloatArray, load_factor: float) -> tuple[BarProblem, FloatArray]:
+        """Return the static problem under this load and the nearest configuration that keeps the lengths."""
+        if self._last is None or self._last[0] != load_factor:
+            self._last = (load_factor, self._problem.under(**self.loads(load_factor)))
+        problem = self._last[1]
+        placed = problem.place(coordinate)
+        if placed is None:
+            raise NonFiniteError(
+                "no configuration near here has the lengths of the rigid bars", where="load path"
+            )
+        return problem, placed
+
+
+def build_path(model: Model, pattern: Pattern, arguments: Mapping[str, Any] | None = None) -> ModelPath:
+    """Return the load path of a model, for its formulation.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        The model.
+    pattern, arguments
+        As for ModelPath.
+
+    Returns
+    -------
+    ModelPath
+        A BarPath where the model has rigid bars.
+
+    Raises
+    ------
+    FormulationError, InvalidValueError
+        As for ModelPath.
+    """
+    require_model(model)
+    kind = BarPath if model.manifest.rigid_bar else ModelPath
+    return kind(model, pattern, arguments)

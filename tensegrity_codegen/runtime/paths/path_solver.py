@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 import scipy
 
-from tensegrity_codegen.runtime.paths.path_problem import NeutralMotions, PathProblem
-from tensegrity_codegen.runtime.statics.curvature import find_lowest_curvature
-from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT
+from tensegrity_codegen.runtime.paths.load_path import NeutralMotions, PathProblem
+from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT, find_lowest_curvature
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
@@ -64,10 +63,7 @@ class PathState:
 
     @cached_property
     def eigen(self) -> tuple[FloatArray, FloatArray]:
-        """The smallest eigenvalues of K, ascending, and their vectors (n, m), neutral motions left out.
-
-        Above 200 coordinates only the smallest one.
-        """
+        """The smallest eigenvalues of K, one above 200 coordinates, and vectors, neutral ones left out."""
         size = self.stiffness.shape[0]
         if size > DENSE_LIMIT:
             value, vector = find_lowest_curvature(scipy.sparse.csc_array(self.stiffness), self.neutral)
@@ -87,16 +83,10 @@ class PathState:
 
 
 class PathSolver:
-    """Solves for points and tangents of one path; counts its iterations.
-
-    scales: of q and of lambda, which make z of order one over the path.
-    """
+    """Solves for points and tangents of one path, with scales of q and lambda; counts its iterations."""
 
     def __init__(
-        self,
-        problem: PathProblem,
-        scales: tuple[float, float],
-        neutral: NeutralMotions | None = None,
+        self, problem: PathProblem, scales: tuple[float, float], neutral: NeutralMotions | None = None
     ) -> None:
         self.problem = problem
         self.coordinate_scale, self.load_scale = scales
@@ -135,10 +125,7 @@ class PathSolver:
         return None
 
     def tangent(self, state: PathState, along: FloatArray, stiffness: Any | None = None) -> FloatArray | None:
-        """Return the unit tangent with tangent . along > 0, None where there is none.
-
-        stiffness: to be used in place of that of the state, at a kink.
-        """
+        """Return the unit tangent with tangent . along > 0, or None; stiffness: in place of the state's."""
         right = np.zeros(len(state.z))
         right[-1] = 1.0
         matrix = state.stiffness if stiffness is None else stiffness
@@ -186,15 +173,12 @@ class PathSolver:
     def _tangent_under_load(
         self, state: PathState, load: FloatArray, upward: FloatArray
     ) -> FloatArray | None:
-        """Return the tangent with the stiffness just where the load pushes to: the start may be at a kink.
-
-        A cable at its rest length has no stiffness, and some as soon as it is pulled.
-        """
+        """Return the tangent with the stiffness just where the load pushes to: the start may be at a kink."""
         size = float(np.abs(state.coordinate).max(initial=0.0)) or 1.0
         push = float(np.abs(load).max(initial=0.0)) or 1.0
-        beside = state.coordinate + upward[-1] * START_OFFSET_RATIO * size / push * load
+        displaced = state.coordinate + upward[-1] * START_OFFSET_RATIO * size / push * load
         try:
-            stiffness = self.problem.stiffness(beside, state.load_factor)
+            stiffness = self.problem.stiffness(displaced, state.load_factor)
         except NonFiniteError:
             return None
         return self.tangent(state, upward, stiffness)

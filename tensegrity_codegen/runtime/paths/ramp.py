@@ -9,17 +9,19 @@ import numpy as np
 
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.placement import place_nodes
-from tensegrity_codegen.runtime.paths.bar_path import build_path
 from tensegrity_codegen.runtime.paths.continuation import StepControl, follow_path
 from tensegrity_codegen.runtime.paths.load_path import LoadPath
-from tensegrity_codegen.runtime.paths.model_path import ModelPath, watch_slack, watch_switch
-from tensegrity_codegen.runtime.paths.pinned_path import PinnedPath, pin_path
+from tensegrity_codegen.runtime.paths.model_path import ModelPath, build_path
+from tensegrity_codegen.runtime.paths.watches import watch_slack, watch_switch
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem, find_equilibrium
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT, SINGULAR_TOLERANCE
 from tensegrity_codegen.runtime.statics.newton import find_stability
-from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
+from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem, build_rigid_motions
 from tensegrity_codegen.system.arrays import FloatArray
 
+TRIAL_MOTION_RATIO = 0.1  # of the structure's size: trial motion, after which forces are computed
+ZERO_FORCE_TOLERANCE = 1e-7  # part of the forces along rigid motions that counts as none
 MOST_FOLLOWED = 3000  # coordinates up to which a path is followed
 MOST_STEPS = 300  # of small structures
 MOST_WORK = 30_000  # steps times coordinates of large ones
@@ -39,6 +41,68 @@ END_DISTANCE = 1e-5  # distance from the full load at which a loss of stability 
 # Motion, as part of the structure's size, up to which the end is where stability was lost.
 MAX_END_MOTION_RATIO = 1e-3
 STABILITY_LOSS_EVENTS = ("limit", "bifurcation", "stability")  # events at which a stable path ends
+
+
+class PinnedPath:
+    """The equilibria of a path with the rigid motions held that its anchors permit.
+
+    With N an orthonormal basis of these motions at the start and P = 1 - N N^T,
+
+        g_pinned(q, lambda) = P g(q, lambda),   N^T dq = 0
+
+    The pins carry moments of the loads; they carry nothing where all forces are internal, so that the ends
+    of the path are equilibria of the structure itself.
+    """
+
+    def __init__(self, path: ModelPath, start: FloatArray) -> None:
+        self.path, self.start = path, start
+        self.basis = build_rigid_motions(path.model.manifest, place_nodes(path.model, start))
+
+    def residual(self, coordinate: FloatArray, load_factor: float, /) -> FloatArray:
+        """Return P g, (n,)."""
+        return self._project(self.path.residual(coordinate, load_factor))
+
+    def stiffness(self, coordinate: FloatArray, load_factor: float, /) -> Any:
+        """Return K of the path itself, (n, n); it is used beside the pinned motions only."""
+        return self.path.stiffness(coordinate, load_factor)
+
+    def load_vector(self, coordinate: FloatArray, load_factor: float, /) -> FloatArray:
+        """Return P f, (n,)."""
+        return self._project(self.path.load_vector(coordinate, load_factor))
+
+    def motions(self, coordinate: FloatArray, stiffness: Any = None) -> FloatArray:
+        """Return the pinned motions N, (n, k), whatever stiffness the loads give them."""
+        del coordinate, stiffness
+        return self.basis
+
+    def move_to_pins(self, coordinate: FloatArray) -> FloatArray:
+        """Return the nearest coordinates that the pins let the structure reach from its start."""
+        return np.asarray(coordinate - self.basis @ (self.basis.T @ (coordinate - self.start)))
+
+    def _project(self, force: FloatArray) -> FloatArray:
+        return np.asarray(force - self.basis @ (self.basis.T @ force))
+
+
+def pin_path(path: ModelPath, start: FloatArray) -> PinnedPath | None:
+    """Return the path with its rigid motions held; None without such motions, or with forces along them.
+
+    Forces are those at load factor 1, near `start` (n,). Gravity on a structure that hangs from a joint acts
+    along a rigid motion; tensions of its own cables do not.
+    """
+    if not path.model.manifest.coordinate_node_axis:
+        return None
+    pinned = PinnedPath(path, start)
+    rigid_motions = pinned.basis
+    if rigid_motions.shape[1] == 0:
+        return None
+    # Move the structure as a whole, by a trial motion of all rigid motions together.
+    position = place_nodes(path.model, start)
+    size = float(np.ptp(position, axis=0).max(initial=0.0)) * np.sqrt(len(position))
+    moved = start + TRIAL_MOTION_RATIO * size * rigid_motions.sum(axis=1) / rigid_motions.shape[1]
+    # Forces between its own members have no component along rigid motions there either.
+    force = path.static_force(moved, 1.0)
+    force_along = np.linalg.norm(PinnedPath(path, moved).basis.T @ force)
+    return pinned if force_along <= ZERO_FORCE_TOLERANCE * np.linalg.norm(force) else None
 
 
 @dataclass(frozen=True)
@@ -95,10 +159,12 @@ class Ramp:
                 message="the start is not in equilibrium without loads, and no node loads can balance it",
             )
         held = _find_holding_loads(self.model, problem, point, self.arguments_at(0.0))
-        path = build_path(self.model, -held, self._held(held))
+        arguments = self.arguments_at(0.0)
+        arguments["node_load"] = arguments["node_load"] + held
+        path = build_path(self.model, -held, arguments)
         begun = problem.to_model_coordinate(point.coordinate)
-        found = self._lead_back(path, begun, near)
-        return self._follow(path, begun, 0.0, "prestress") if found is None else found
+        way = self._lead_back(path, begun, near)
+        return self._follow(path, begun, 0.0, "prestress") if way is None else way
 
     def follow(self, start: FloatArray) -> Way:
         """Return where the loads lead from `start`, an equilibrium under the base."""
@@ -109,7 +175,7 @@ class Ramp:
         stability = find_stability(problem, point)
         if stability.is_unstable:
             return _lost_at_once("the structure is in an unstable equilibrium before the loads act")
-        least = 0.0
+        lower = 0.0
         if stability.is_neutral or stability.neutral_motions:
             pushed = find_equilibrium(
                 self.model,
@@ -129,34 +195,25 @@ class Ramp:
             if pushed.change > COLLAPSE_MOTION_RATIO * pushed.extent:
                 moved = f"node {pushed.changed_node} by {pushed.change:.6g} m"
                 return _lost_at_once(f"{FIRST_LOAD_FACTOR:g} of the loads move {moved}")
-            start, least = pushed.coordinate, FIRST_LOAD_FACTOR
+            start, lower = pushed.coordinate, FIRST_LOAD_FACTOR
         path = build_path(self.model, self.pattern, self.arguments_at(0.0))
-        return self._follow(path, start, least)
+        return self._follow(path, start, lower)
 
-    def _held(self, held: FloatArray) -> dict[str, Any]:
-        given = self.arguments_at(0.0)
-        return {**given, "node_load": given["node_load"] + held}
-
-    def _follow(self, path: ModelPath, start: FloatArray, least: float, what: str = "load") -> Way:
+    def _follow(self, path: ModelPath, start: FloatArray, least: float, growing: str = "load") -> Way:
         """Return the end of a path of stable equilibria."""
         if len(start) > MOST_FOLLOWED:
             return Way(
                 failed=True, message=f"more than {MOST_FOLLOWED} coordinates: the path is not followed"
             )
-        pinned = pin_path(path, start) if what == "prestress" else None
+        pinned = pin_path(path, start) if growing == "prestress" else None
         way = self._trace(path, pinned, start, (least, 1.0))
-        return _judge(path, way, what)
+        return _judge(path, way, growing)
 
     def _lead_back(self, path: ModelPath, start: FloatArray, near: FloatArray) -> Way | None:
-        """Return the end of a path whose stable equilibria lead back to `start`; None where they do not.
-
-        The end has a stiffness; a start without prestress, at the kinks of all its cables, has none.
-        """
+        """Return the end of a path that leads back to `start`, which has no stiffness, or None."""
         if path.memory is not None or len(start) > MOST_FOLLOWED:
             return None
-        given = {**path.arguments, **path.loads(1.0)}
-        given.pop("velocity", None)
-        end = find_equilibrium(path.model, arguments=given, coordinate=near, raise_on_failure=False)
+        end = _find_equilibrium(path, 1.0, near)
         if not end.is_found:
             return None
         pinned, coordinate = pin_path(path, start), end.coordinate
@@ -196,17 +253,18 @@ class Ramp:
         )
 
 
-def find_pushed_start(path: ModelPath, start: FloatArray, most: float) -> tuple[FloatArray, float] | None:
-    """Return where the path of a structure without stiffness at zero load begins: (n,) and load factor.
+def _find_equilibrium(path: ModelPath, load_factor: float, start: FloatArray) -> Equilibrium:
+    """Return the equilibrium at a load factor near a start (n,); its status tells whether there is one."""
+    arguments = path.static_arguments(load_factor)
+    return find_equilibrium(path.model, arguments=arguments, coordinate=start, raise_on_failure=False)
 
-    most: the load factor to be reached. None where a small part of it has no equilibrium, or one far away.
-    """
-    least = FIRST_LOAD_FACTOR * most
-    given = {**path.arguments, **path.loads(least)}
-    given.pop("velocity", None)
-    pushed = find_equilibrium(path.model, arguments=given, coordinate=start, raise_on_failure=False)
-    near = pushed.is_found and pushed.change <= COLLAPSE_MOTION_RATIO * pushed.extent
-    return (pushed.coordinate, least) if near else None
+
+def find_pushed_start(path: ModelPath, start: FloatArray, most: float) -> tuple[FloatArray, float] | None:
+    """Return (n,) and load factor where the path of a structure without stiffness begins; None if far."""
+    load_factor = FIRST_LOAD_FACTOR * most
+    pushed = _find_equilibrium(path, load_factor, start)
+    is_near = pushed.is_found and pushed.change <= COLLAPSE_MOTION_RATIO * pushed.extent
+    return (pushed.coordinate, load_factor) if is_near else None
 
 
 def _stay(problem: StaticProblem, point: Point) -> Way:
@@ -243,7 +301,7 @@ def _is_singular(path: ModelPath, way: LoadPath) -> bool:
     )
 
 
-def _judge(path: ModelPath, way: LoadPath, what: str) -> Way:
+def _judge(path: ModelPath, way: LoadPath, growing: str) -> Way:
     """Return where a path of stable equilibria ended."""
     if way.status == "stopped":
         event = way.find_events(*STABILITY_LOSS_EVENTS)[0]
@@ -253,20 +311,22 @@ def _judge(path: ModelPath, way: LoadPath, what: str) -> Way:
         rounding = _bound_rounding(path, way.coordinate[0], float(way.load_factor[0]))
         if event.load_factor <= FIRST_LOAD_FACTOR and abs(way.smallest_eigenvalue[0]) <= rounding:
             return Way(failed=True, message="the stiffness along some motion is zero at the start")
-        return Way(limit=event.load_factor, message=_describe_loss(event.kind, event.load_factor, what))
+        return Way(limit=event.load_factor, message=_describe_loss(event.kind, event.load_factor, growing))
     unstable = _find_unstable(path, way)
     if unstable is not None:
-        return Way(limit=unstable, message=f"the path of the increasing {what} is unstable at {unstable:.6g}")
+        return Way(
+            limit=unstable, message=f"the path of the increasing {growing} is unstable at {unstable:.6g}"
+        )
     if way.status == "stalled" and way.load_factor[-1] > FIRST_LOAD_FACTOR and _is_singular(path, way):
         reached = float(way.load_factor[-1])
-        return Way(limit=reached, message=_describe_loss("singular", reached, what))
+        return Way(limit=reached, message=_describe_loss("singular", reached, growing))
     if way.status != "completed":
         return Way(failed=True, message=way.message)
     end = way.coordinate[-1]
     length = np.asarray(path.compute("member_length", end, 1.0))
-    given = {**path.arguments, **path.loads(1.0)}
-    place = place_nodes(path.model, end, path.arguments.get("anchor_position"), arguments=given)
-    return Way(end, length, place)
+    arguments = {**path.arguments, **path.loads(1.0)}
+    position = place_nodes(path.model, end, path.arguments.get("anchor_position"), arguments=arguments)
+    return Way(end, length, position)
 
 
 def _find_end(path: ModelPath, way: LoadPath) -> Way | None:
@@ -275,25 +335,25 @@ def _find_end(path: ModelPath, way: LoadPath) -> Way | None:
     A free structure held by loads resists rotation until they are gone: its rotations become neutral at the
     end, and rounding decides on which side of it their eigenvalues cross zero.
     """
-    given = {**path.arguments, **path.loads(1.0)}
-    given.pop("velocity", None)
-    found = find_equilibrium(
-        path.model, arguments=given, coordinate=way.coordinate[-1], raise_on_failure=False
-    )
-    if not found.is_found or found.change > MAX_END_MOTION_RATIO * found.extent:
+    equilibrium = _find_equilibrium(path, 1.0, way.coordinate[-1])
+    if not equilibrium.is_found or equilibrium.change > MAX_END_MOTION_RATIO * equilibrium.extent:
         return None
-    return Way(np.asarray(found.coordinate), np.asarray(found.member_length), found.node_position)
+    return Way(
+        np.asarray(equilibrium.coordinate), np.asarray(equilibrium.member_length), equilibrium.node_position
+    )
 
 
-def _describe_loss(kind: str, load_factor: float, what: str) -> str:
-    part = f"{load_factor:.6g} of its full size"
+def _describe_loss(kind: str, load_factor: float, growing: str) -> str:
+    load = f"{load_factor:.6g} of its full size"
     if kind == "limit":
-        return f"the path of the increasing {what} turns back at {part}"
+        return f"the path of the increasing {growing} turns back at {load}"
     if kind == "bifurcation":
-        return f"the path of the increasing {what} becomes unstable at a bifurcation, at {part}"
+        return f"the path of the increasing {growing} becomes unstable at a bifurcation, at {load}"
     if kind == "singular":
-        return f"the stiffness along one motion vanishes under the increasing {what}, at {part}"
-    return f"the path of the increasing {what} becomes unstable where a cable goes slack or taut, at {part}"
+        return f"the stiffness along one motion vanishes under the increasing {growing}, at {load}"
+    return (
+        f"the path of the increasing {growing} becomes unstable where a cable goes slack or taut, at {load}"
+    )
 
 
 def _lost_at_once(message: str) -> Way:

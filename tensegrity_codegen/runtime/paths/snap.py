@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tensegrity_codegen.runtime.model.arguments import read_arguments
 from tensegrity_codegen.runtime.model.arrays import to_doubles, to_sized
-from tensegrity_codegen.runtime.model.interface import Model
-from tensegrity_codegen.runtime.model.named_inputs import read_arguments
-from tensegrity_codegen.runtime.model.require import require_model
+from tensegrity_codegen.runtime.model.interface import Model, require_model
 from tensegrity_codegen.runtime.paths.model_path import GROWING
 from tensegrity_codegen.runtime.paths.ramp import MOST_FOLLOWED, Ramp, Way
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
@@ -38,27 +37,7 @@ def find_snap(
     cables: Sequence[str] = (),
     arguments: Mapping[str, Any] | None = None,
 ) -> Snap:
-    """Find out whether the equilibrium under `load` was reached by a jump from that under `base`.
-
-    Parameters
-    ----------
-    model : CompiledModel
-        With the run-time argument node_load.
-    found : Equilibrium
-        The equilibrium under `load`.
-    base, load : ndarray, shape (n_loaded, n_axes) [N]
-        Values of node_load.
-    cables : sequence of str
-        Members that can go slack; the model needs member_extension for them.
-    arguments : mapping, optional
-        Other inputs and parameters by name.
-
-    Returns
-    -------
-    Snap
-        Unknown where there is no equilibrium at the start, where the path ends early, and above MOST_FOLLOWED
-        coordinates.
-    """
+    """Return whether the equilibrium under `load` was reached by a jump from that under `base` [N]."""
     _check_call(model, found, cables, arguments)
     base, load = (to_doubles(value, name, "loads [N]") for name, value in (("base", base), ("load", load)))
     if base.shape != load.shape:
@@ -87,33 +66,7 @@ def find_load_snap(
     cables: Sequence[str] = (),
     arguments: Mapping[str, Any] | None = None,
 ) -> Snap:
-    """Find out whether an equilibrium was reached by a jump while prestress and all loads increased from
-    zero.
-
-    Parameters
-    ----------
-    model : CompiledModel
-        With the loads as run-time arguments.
-    found : Equilibrium
-        The equilibrium under `loads`.
-    loads : mapping of str to array_like
-        Values of the arguments ``"node_load"`` [N] and ``"gravity"`` [m/s2].
-    coordinate : array_like, shape (n_coordinates,), optional
-        The given shape; by default that of the scene.
-    cables : sequence of str
-        Members that can go slack; the model needs member_extension for them.
-    arguments : mapping, optional
-        Other inputs and parameters by name.
-
-    Returns
-    -------
-    Snap
-        Whether the structure snapped, and at which part of the loads.
-
-    Notes
-    -----
-    First the prestress acts, then all loads increase in proportion (decision 0028).
-    """
+    """Return whether an equilibrium was reached by a jump while prestress, then all loads, grew from zero."""
     _check_call(model, found, cables, arguments)
     check_instance(loads, Mapping, "loads", "a dictionary of node_load [N] and gravity [m/s2]")
     for name in loads:
@@ -153,10 +106,10 @@ def _compare(way: Way, found: Equilibrium) -> Snap:
         return Snap(None, reason=way.message)
     if way.limit is not None:
         return Snap(True, way.limit, reason=way.message)
-    apart = float(np.abs(way.member_length - found.member_length).max(initial=0.0))
+    difference = float(np.abs(way.member_length - found.member_length).max(initial=0.0))
     moved = found.distance_of(way.node_position)
     if (
-        apart <= LENGTH_TOLERANCE * float(found.member_length.max(initial=0.0))
+        difference <= LENGTH_TOLERANCE * float(found.member_length.max(initial=0.0))
         and not moved > POSITION_TOLERANCE * found.extent
     ):
         return Snap(False)
@@ -164,20 +117,9 @@ def _compare(way: Way, found: Equilibrium) -> Snap:
 
 
 def join_snaps(whole: Snap, added: Snap) -> Snap:
-    """Combine the results for all loads from zero and for added loads alone.
-
-    Parameters
-    ----------
-    whole, added : Snap
-        The two results.
-
-    Returns
-    -------
-    Snap
-        Snapped if one of them is.
-    """
-    known = [item for item in (whole.snapped, added.snapped) if item is not None]
-    snapped = True if True in known else False if len(known) == 2 else None
+    """Combine the results for all loads from zero and for added loads alone: snapped if one of them is."""
+    results = [snapped for snapped in (whole.snapped, added.snapped) if snapped is not None]
+    snapped = True if True in results else False if len(results) == 2 else None
     return replace(
         whole,
         snapped=snapped,

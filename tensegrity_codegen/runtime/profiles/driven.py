@@ -3,16 +3,16 @@
 A profile must not change lengths of rigid bars, nor laws of members with own tensions in the implicit method.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, TypeGuard
 
 import numpy as np
 
+from tensegrity_codegen.runtime.model.arguments import INPUT, unify_name
 from tensegrity_codegen.runtime.model.arrays import to_sized
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.named_inputs import INPUT, unify_name
 from tensegrity_codegen.runtime.profiles.pieces import Pieces
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
@@ -42,16 +42,17 @@ class DrivenArguments:
 
     def put(self, values: FloatArray) -> dict[str, FloatArray]:
         """Return the arguments that change, by name, with these values (n_values,)."""
-        found = {name: array.copy() for name, array in self.base.items()}
+        arguments = {name: array.copy() for name, array in self.base.items()}
         for name, (index, column) in self._columns.items():
-            found[name].reshape(-1)[index] = values[column]
-        return found
+            arguments[name].reshape(-1)[index] = values[column]
+        return arguments
 
     @cached_property
     def _columns(self) -> dict[str, tuple[IntArray, IntArray]]:
         """Of each argument, the indices of its numbers that change, and their columns among the values."""
         rows = {
-            name: [(k, at) for at, (own, k) in enumerate(self.place) if own == name] for name in self.base
+            name: [(k, at) for at, (argument, k) in enumerate(self.place) if argument == name]
+            for name in self.base
         }
         pairs = {name: np.array(row, dtype=np.int64) for name, row in rows.items()}
         return {name: (pair[:, 0], pair[:, 1]) for name, pair in pairs.items()}
@@ -60,13 +61,9 @@ class DrivenArguments:
 def bind_profile(
     model: CompiledModel, profile: Profile, arguments: Mapping[str, Any], t_end: float
 ) -> DrivenArguments:
-    """Return the arguments of a model that a profile changes, the others as in `arguments`.
-
-    arguments: constant ones, inputs in one array; t_end [s]: of the motion. Raises InvalidValueError for
-    another shape, an input that is given twice, and a profile that ends before t_end.
-    """
+    """Return the arguments of a model that a profile changes up to t_end [s], others as in `arguments`."""
     check_end(profile, t_end)
-    base, place = {}, []
+    base, numbers = {}, []
     for name, values in profile.values.items():
         argument = unify_name(model.manifest, name)
         if argument not in base:
@@ -81,9 +78,9 @@ def bind_profile(
                 given=values.shape,
                 allowed=f"shape {(len(profile.time), *shape)}, one row for each knot",
             )
-        first = model.manifest.input_name.index(name) if argument != name else 0
-        place += [(argument, first + k) for k in range(int(np.prod(shape)))]
-    if len(set(place)) < len(place):
+        start = model.manifest.input_name.index(name) if argument != name else 0
+        numbers += [(argument, start + k) for k in range(int(np.prod(shape)))]
+    if len(set(numbers)) < len(numbers):
         raise InvalidValueError(
             "an input is given twice",
             where="profile",
@@ -93,7 +90,7 @@ def bind_profile(
     pieces = profile.pieces
     if pieces.time[-1] < t_end:  # by rounding
         pieces = replace(pieces, time=np.append(pieces.time[:-1], t_end))
-    return DrivenArguments(pieces, tuple(place), base)
+    return DrivenArguments(pieces, tuple(numbers), base)
 
 
 def check_end(profile: Profile, t_end: float, where: str = "profile.time") -> None:
@@ -128,19 +125,16 @@ def check_not_constant(
 
 
 class KnotsInC:
-    """The struct that an integration in C follows, and the arrays that it points to.
-
-    Raises KeyError for an argument that the integrators of the library do not take over time.
-    """
+    """The struct that an integration in C follows, and its arrays; KeyError for arguments not in C."""
 
     def __init__(self, ffi: Any, manifest: Manifest, driven: DrivenArguments) -> None:
-        first = _find_places(manifest)
+        start_of = _find_places(manifest)
         pieces = driven.pieces
         time = pieces.time.copy()
         time[-1] += EXTRA_TIME * abs(time[-1])
         n_pieces, rows, n_values = pieces.coefficient.shape
         self._arrays = (
-            np.array([first[name] + k for name, k in driven.place], dtype=np.int32),
+            np.array([start_of[name] + k for name, k in driven.place], dtype=np.int32),
             time,
             np.ascontiguousarray(pieces.coefficient, dtype=np.float64),
             np.ascontiguousarray(pieces.is_kink, dtype=np.int32),
@@ -163,18 +157,15 @@ def follows_in_c(schedule: Any, manifest: Manifest) -> TypeGuard[DrivenArguments
 
 def _find_places(manifest: Manifest) -> dict[str, int]:
     """Return where each argument begins among the numbers that can change with time."""
-    found, place = {}, 0
+    start_of, position = {}, 0
     for name in manifest.driven:
-        found[name] = place
-        place += len(manifest.argument(name).nominal) if name != "pull" else 0  # which stands last
-    return found
+        start_of[name] = position
+        position += len(manifest.argument(name).nominal) if name != "pull" else 0  # which stands last
+    return start_of
 
 
 def find_changing(model: CompiledModel, schedule: DrivenArguments) -> tuple[str, ...]:
-    """Return the members whose laws the implicit method holds constant and this profile changes.
-
-    "masses" where these change; () for a library without it.
-    """
+    """Return the members, or "masses", that the implicit method holds constant and a profile changes."""
     tensions = next(
         (spec.tensions for spec in model.manifest.integrators if spec.name == STIFF_INTEGRATOR), ()
     )
@@ -184,9 +175,9 @@ def find_changing(model: CompiledModel, schedule: DrivenArguments) -> tuple[str,
     law, mass = _evaluate(model, schedule, 0.0)
     changed, masses = np.zeros(len(chosen), dtype=bool), False
     for time in _list_times(schedule):
-        other, other_mass = _evaluate(model, schedule, time)
-        changed |= (other[chosen] != law[chosen]).any(axis=1)
-        masses |= bool((other_mass != mass).any())
+        new_law, new_mass = _evaluate(model, schedule, time)
+        changed |= (new_law[chosen] != law[chosen]).any(axis=1)
+        masses |= bool((new_mass != mass).any())
     names = [model.manifest.member_name[chosen[k]] for k in np.flatnonzero(changed)]
     return (*names, "masses") if masses else tuple(names)
 
@@ -207,44 +198,42 @@ def check_laws(model: CompiledModel, schedule: Any) -> None:
 
 
 def check_rigid(model: CompiledModel, schedule: DrivenArguments) -> None:
-    """Raise InvalidValueError for a profile that changes the length of a rigid bar.
-
-    The equations of motion know constraints that stand still: they lack velocities and accelerations of a
-    bar that grows.
-    """
+    """Raise InvalidValueError for a profile that changes the length of a rigid bar, a fixed constraint."""
     name = "consistent_coordinate"
     if not model.has(name) or not set(schedule.base) & set(model.function(name).spec.arguments):
         return
-    place = model.nominal("coordinate")
-    first = model.compute(name, coordinate=place, **schedule(0.0))
-    for time in _list_times(schedule):
-        if (model.compute(name, coordinate=place, **schedule(time)) != first).any():
-            raise InvalidValueError(
-                "rigid bars keep their lengths during a motion",
-                where="schedule",
-                given=f"a profile that changes them at t = {time:.6g} s",
-                allowed="profiles of members with a stiffness, loads and forces",
-                hint="give the bar an axial_stiffness",
-            )
+    nominal = model.nominal("coordinate")
+    _check_constant(
+        schedule,
+        lambda time: model.compute(name, coordinate=nominal, **schedule(time)),
+        "rigid bars keep their lengths during a motion",
+        allowed="profiles of members with a stiffness, loads and forces",
+        hint="give the bar an axial_stiffness",
+    )
 
 
 def check_memory(model: CompiledModel, schedule: DrivenArguments) -> None:
-    """Raise InvalidValueError for a profile that changes rest lengths or laws of plastic members.
-
-    Whether they flow follows from rates of length; those of rest lengths are not among them.
-    """
+    """Raise InvalidValueError for a profile that changes rest lengths or laws of plastic members."""
     if not model.has("yield_margin"):
         return
-    first = model.compute("yield_margin", **schedule(0.0))
+    _check_constant(
+        schedule,
+        lambda time: model.compute("yield_margin", **schedule(time)),
+        "rest lengths and laws of plastic members are constant during a motion",
+        allowed="profiles of elastic members, loads and forces",
+        hint="simulate in parts, each from where the last one ended",
+    )
+
+
+def _check_constant(
+    schedule: DrivenArguments, compute: Callable[[float], FloatArray], problem: str, **advice: str
+) -> None:
+    """Raise InvalidValueError where a profile changes what is computed at a time [s]."""
+    initial = compute(0.0)
     for time in _list_times(schedule):
-        if (model.compute("yield_margin", **schedule(time)) != first).any():
-            raise InvalidValueError(
-                "rest lengths and laws of plastic members are constant during a motion",
-                where="schedule",
-                given=f"a profile that changes them at t = {time:.6g} s",
-                allowed="profiles of elastic members, loads and forces",
-                hint="simulate in parts, each from where the last one ended",
-            )
+        if (compute(time) != initial).any():
+            given = f"a profile that changes them at t = {time:.6g} s"
+            raise InvalidValueError(problem, where="schedule", given=given, **advice)
 
 
 def _list_times(schedule: DrivenArguments) -> list[float]:
@@ -252,11 +241,15 @@ def _list_times(schedule: DrivenArguments) -> list[float]:
     pieces = schedule.pieces
     start, end = pieces.time[:-1], pieces.time[1:]
     rows = pieces.coefficient.shape[1]
-    shares = np.arange(rows) / rows
-    return list(np.sort(np.concatenate([start + share * (end - start) for share in shares])).tolist())
+    fractions = np.arange(rows) / rows
+    return list(
+        np.sort(np.concatenate([start + fraction * (end - start) for fraction in fractions])).tolist()
+    )
 
 
 def _evaluate(model: CompiledModel, schedule: DrivenArguments, time: float) -> tuple[Any, Any]:
     """Return laws (n_members, ...) and the entries of the mass matrix at a time [s]."""
-    given = schedule(time)
-    return np.asarray(model.compute("member_law", **given)), model.compute("mass_matrix", **given).data
+    arguments = schedule(time)
+    return np.asarray(model.compute("member_law", **arguments)), model.compute(
+        "mass_matrix", **arguments
+    ).data

@@ -1,8 +1,10 @@
 """Piecewise polynomials of time, in the form in which the C integrators take them."""
 
 import warnings
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import scipy
@@ -11,6 +13,12 @@ from numpy.typing import NDArray
 from tensegrity_codegen.system.arrays import FloatArray
 
 MIN_JUMP = 1e-9  # of the largest value: a larger difference of two neighbouring pieces is a jump
+# Time [s] -> run-time parameters and inputs by name.
+Schedule = Callable[[float], Mapping[str, Any]]
+SCHEDULE_SAMPLES = 4000  # of a function over the time of a motion: a shorter pulse may lie between two
+SMALLEST_JUMP = 1e-3  # of the range of values
+# Halvings of an interval after which a smooth function has lost nearly all of its change in it.
+HALVINGS_OF_SMOOTH = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,10 +48,7 @@ class Pieces:
         return np.array(value)
 
     def find_extremes(self, column: int) -> tuple[tuple[float, float], float]:
-        """Return the least and largest value of one of the values, and its largest rate, in either direction.
-
-        The rate is infinite where the value jumps.
-        """
+        """Return least and largest value of one column, and its largest rate, infinite at a jump."""
         values: list[float] = []
         rates: list[float] = []
         for piece, duration in enumerate(np.diff(self.time)):
@@ -68,10 +73,7 @@ def _find_turns(curve: "np.polynomial.Polynomial") -> list[float]:
 
 
 def build_linear(time: FloatArray, value: FloatArray) -> Pieces:
-    """Return the straight lines between knots.
-
-    time (n_knots,) [s]: rising, two equal ones at a jump; value (n_knots, n_values).
-    """
+    """Return the straight lines between knots, values (n_knots, n_values); equal times are a jump."""
     gap = np.diff(time)
     is_piece = gap > 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -89,10 +91,10 @@ def build_cubic(time: FloatArray, value: FloatArray) -> Pieces:
     """
     ends = [0, *(np.flatnonzero(np.diff(time) == 0.0) + 1).tolist(), len(time)]
     stretches = [slice(a, b) for a, b in pairwise(ends)]
-    parts = [_build_spline(time[part], value[part]) for part in stretches]
-    coefficient = np.ascontiguousarray(np.concatenate(parts))
+    splines = [_build_spline(time[stretch], value[stretch]) for stretch in stretches]
+    coefficient = np.ascontiguousarray(np.concatenate(splines))
     jumps = np.zeros(len(coefficient) - 1, dtype=bool)
-    jumps[np.cumsum([len(part) for part in parts[:-1]], dtype=np.int64) - 1] = True
+    jumps[np.cumsum([len(stretch) for stretch in splines[:-1]], dtype=np.int64) - 1] = True
     bends = (coefficient[1:, 3] != coefficient[:-1, 3]).any(axis=1)
     return Pieces(np.unique(time), coefficient, _frame(jumps | bends))
 
@@ -110,3 +112,39 @@ def _build_spline(time: FloatArray, value: FloatArray) -> FloatArray:
 def _frame(inner: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return the kinks of all breakpoints from those of the inner ones; the ends are none."""
     return np.concatenate([[False], inner, [False]])
+
+
+def locate_jumps(schedule: Schedule, t_end: float) -> list[float]:
+    """Return the times (0, t_end) [s] from which on a function of time has another value than just before."""
+    time = np.linspace(0.0, t_end, SCHEDULE_SAMPLES + 1)
+    value = np.array([_flatten(schedule(float(t))) for t in time])
+    span = np.ptp(value, axis=0)
+    change = np.abs(np.diff(value, axis=0))
+    is_large = (change > SMALLEST_JUMP * span).any(axis=1) & np.isfinite(change).all(axis=1)
+    jumps = (
+        _bisect(schedule, time[k], time[k + 1], value[k], value[k + 1]) for k in np.flatnonzero(is_large)
+    )
+    return [jump for jump in jumps if jump is not None and 0.0 < jump < t_end]
+
+
+def _bisect(
+    schedule: Schedule, before: float, after: float, low: FloatArray, high: FloatArray
+) -> float | None:
+    """Return where a function jumps between two times, None where it changes smoothly."""
+    whole_change, count = float(np.abs(high - low).max()), 0
+    while before < (middle := 0.5 * (before + after)) < after:
+        between = _flatten(schedule(middle))
+        if np.abs(between - low).max() >= np.abs(high - between).max():
+            after, high = middle, between
+        else:
+            before, low = middle, between
+        count += 1
+        if count == HALVINGS_OF_SMOOTH and np.abs(high - low).max() < 0.5 * whole_change:
+            return None
+    return after
+
+
+def _flatten(values: Mapping[str, Any]) -> FloatArray:
+    """Return all values as one row, a 0 before them."""
+    rows = [np.ravel(np.asarray(value, dtype=np.float64)) for value in values.values()]
+    return np.concatenate([[0.0], *rows])

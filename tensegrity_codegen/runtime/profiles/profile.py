@@ -114,13 +114,13 @@ class Profile(Summarised):
         """Return the values at a time [s] by name; at a jump those after it."""
         if not is_number(time):
             raise InvalidValueError("not a time", where="time", given=time, allowed="a finite number [s]")
-        row, found, first = self.pieces.at(time), {}, 0
+        row, values, start = self.pieces.at(time), {}, 0
         for name, array in self.values.items():
             shape = array.shape[1:]
             size = int(np.prod(shape))
-            found[name] = row[first : first + size].reshape(shape)
-            first += size
-        return found
+            values[name] = row[start : start + size].reshape(shape)
+            start += size
+        return values
 
 
 def _read_numbers(value: Any, name: str) -> FloatArray:
@@ -132,11 +132,11 @@ def _read_numbers(value: Any, name: str) -> FloatArray:
             "not an array of numbers", where=f"profile.{name}", given=value, allowed=allowed
         )
     if not np.isfinite(array).all():
-        place = tuple(int(k) for k in np.argwhere(~np.isfinite(array))[0])
+        index = tuple(int(k) for k in np.argwhere(~np.isfinite(array))[0])
         raise NonFiniteError(
             "not a finite number",
             where=f"profile.{name}",
-            given=f"{array[place]} at knot {place[0]}",
+            given=f"{array[index]} at knot {index[0]}",
             allowed="finite numbers",
         )
     array.setflags(write=False)

@@ -7,23 +7,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 
 from tensegrity_codegen.runtime.model.array_file import write_arrays
 from tensegrity_codegen.runtime.profiles.profile import Profile
-from tensegrity_codegen.runtime.records.even_knots import choose_even_knots
 from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.checks import check_path, check_positive
+from tensegrity_codegen.system.checks import check_path, check_positive, check_whole
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.system.files import check_ending
-from tensegrity_codegen.system.summaries import (
-    Fact,
-    Summarised,
-    count_names,
-    describe_number,
-    describe_range,
-)
+from tensegrity_codegen.system.summaries import Fact, Summarised, count_names, describe_number, describe_range
 from tensegrity_codegen.system.table_files import write_csv
 
 # Fields with a row for each knot; `residual` and `internal` too where they have rows.
@@ -31,6 +25,14 @@ KNOT_FIELDS = (
     *("time", "coordinate", "velocity", "acceleration"),
     *("rest_length", "input", "member_tension"),
 )
+
+
+def choose_even_knots(total: int, count: Any) -> NDArray[np.int64] | None:
+    """Return the indices of `count` of `total` knots, evenly distributed, or None where there are no more."""
+    count = check_whole(count, "count", 2, problem="not a number of knots")
+    if total <= count:
+        return None
+    return np.round(np.linspace(0, total - 1, count)).astype(np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,8 +157,8 @@ class Motion(Summarised):
 
     def arrays(self) -> dict[str, Any]:
         """Return the arrays by name, for an ``.npz`` file."""
-        found = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
-        return found | {"actuator_name": np.array(self.actuators), "input_name": np.array(self.input_name)}
+        arrays = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        return arrays | {"actuator_name": np.array(self.actuators), "input_name": np.array(self.input_name)}
 
     def write(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the motion to a file, whole or not at all.
@@ -225,12 +227,12 @@ class Motion(Summarised):
             return self
         bent = [int(np.abs(self.time - kink).argmin()) for kink in self.kinks]
         rows = np.unique(np.concatenate([even, np.array(bent, dtype=np.int64)]))
-        kept = {
+        selected = {
             name: value[rows]
             for name, value in vars(self).items()
             if name in KNOT_FIELDS or (name in ("residual", "internal") and len(value) == total)
         }
-        return replace(self, **kept)
+        return replace(self, **selected)
 
     @cached_property
     def _profile(self) -> Profile:
@@ -240,5 +242,5 @@ class Motion(Summarised):
     def _pieces(self) -> tuple[Any, Any, Any]:
         """Piecewise polynomials of coordinates, velocities and accelerations."""
         knots = np.stack([self.coordinate, self.velocity, self.acceleration], axis=1)
-        first = BPoly.from_derivatives(self.time, knots)
-        return first, first.derivative(), first.derivative(2)
+        start = BPoly.from_derivatives(self.time, knots)
+        return start, start.derivative(), start.derivative(2)

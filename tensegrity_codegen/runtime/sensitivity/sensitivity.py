@@ -1,6 +1,6 @@
 """The derivative of an equilibrium by rest lengths, by the implicit function theorem."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -8,33 +8,82 @@ import scipy
 from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_doubles
-from tensegrity_codegen.runtime.model.interface import Model
-from tensegrity_codegen.runtime.model.require import require_model, require_quantities
-from tensegrity_codegen.runtime.sensitivity.bordered import factorise
-from tensegrity_codegen.runtime.sensitivity.columns import Columns, select_columns
-from tensegrity_codegen.runtime.sensitivity.gauge import find_gauge, find_node_velocities, name_gauge
+from tensegrity_codegen.runtime.model.interface import Model, require_model, require_quantities
 from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
 from tensegrity_codegen.runtime.sensitivity.static_system import (
     REST_LENGTH_QUANTITIES,
     StaticSystem,
     build_system,
+    factorise,
+    find_gauge,
+    find_node_velocities,
     has_springs,
+    name_gauge,
 )
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.structure.ground_support import refuse_ground
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.checks import is_number
+from tensegrity_codegen.system.checks import check_names, is_number
 from tensegrity_codegen.system.errors import (
+    DuplicateNameError,
     FormulationError,
     InvalidValueError,
     NonFiniteError,
     SingularStiffnessError,
+    check_choice,
 )
 
+Columns = Sequence[str] | Mapping[str, Sequence[str]]
 REST_LENGTH_TOLERANCE = 1e-9  # extension over length up to which a cable may go slack or taut
 MAX_NAMED_NODES = 3  # nodes of a motion without resistance that the error names
+
+
+def select_columns(model: Model, columns: Columns | None) -> tuple[tuple[str, ...], Any]:
+    """Return names of columns, and the gain of each on the rest lengths (n_members, n_columns)."""
+    member_name = model.manifest.member_name
+    if columns is None:
+        return tuple(member_name), scipy.sparse.eye_array(len(member_name), format="csc")
+    names = check_names(columns, "columns")
+    if not names:
+        raise InvalidValueError(
+            "no columns are chosen", where="columns", given=columns, allowed="one or more members or inputs",
+            hint="None stands for all members",
+        )  # fmt: skip
+    _check_distinct(names, "columns")
+    if isinstance(columns, Mapping):
+        gains = [dict.fromkeys(_find_group(name, columns[name], member_name), 1.0) for name in names]
+    else:
+        structure = getattr(model, "structure", None)
+        inputs = () if structure is None else structure.inputs
+        gain_of = {column_gain.name: gain for column_gain in inputs if (gain := column_gain.rest_length_gain)}
+        gain_of |= {name: {e: 1.0} for e, name in enumerate(member_name)}
+        for name in names:
+            check_choice(name, gain_of, "member or input", "columns")
+        gains = [gain_of[name] for name in names]
+    rows = np.concatenate([np.array(list(column_gain), dtype=np.int64) for column_gain in gains])
+    values = np.concatenate([np.array(list(column_gain.values())) for column_gain in gains])
+    column_of = np.repeat(np.arange(len(names)), [len(column_gain) for column_gain in gains])
+    shape = (len(member_name), len(names))
+    return names, scipy.sparse.csc_array((values, (rows, column_of)), shape=shape)
+
+
+def _find_group(name: str, given: Sequence[str], member_name: Sequence[str]) -> tuple[int, ...]:
+    location = f"columns.{name}"
+    members = check_names(given, location)
+    if not members:
+        raise InvalidValueError("a group without members", where=location, allowed="one or more members")
+    _check_distinct(members, location)
+    for member in members:
+        check_choice(member, member_name, "member", location)
+    return tuple(member_name.index(member) for member in members)
+
+
+def _check_distinct(names: Sequence[str], location: str) -> None:
+    twice = [name for k, name in enumerate(names) if name in names[:k]]
+    if twice:
+        raise DuplicateNameError("given twice", where=location, given=twice[0], allowed="each name once")
 
 
 def equilibrium_sensitivity(

@@ -63,8 +63,8 @@ def parse_condition(text: str) -> ast.expr:
     _check_depth(body)
     body = cast(ast.expr, _QuoteNames().visit(body))
     try:
-        for part in _list_compared_parts(body):
-            _check_part(part)
+        for side in _list_compared_parts(body):
+            _check_part(side)
     except NonFiniteError as error:
         error.given = name_part(str(error.given), text.strip())
         raise
@@ -87,9 +87,9 @@ class _QuoteNames(ast.NodeTransformer):
     def visit_Subscript(self, node: ast.Subscript) -> ast.Subscript:
         """Return an entry of a quantity with quoted names."""
         entries = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
-        quoted = [ast.Constant(part.id) if isinstance(part, ast.Name) else part for part in entries]
-        whole: ast.expr = ast.Tuple(quoted, ast.Load()) if isinstance(node.slice, ast.Tuple) else quoted[0]
-        return ast.Subscript(node.value, whole, node.ctx)
+        quoted = [ast.Constant(entry.id) if isinstance(entry, ast.Name) else entry for entry in entries]
+        index: ast.expr = ast.Tuple(quoted, ast.Load()) if isinstance(node.slice, ast.Tuple) else quoted[0]
+        return ast.Subscript(node.value, index, node.ctx)
 
 
 def _list_compared_parts(body: ast.expr) -> tuple[ast.expr, ...]:
@@ -157,8 +157,10 @@ def _check_name(name: str) -> None:
             allowed=f"{name}(...), for example {name}(member_length[0])",
         )
     if name not in QUANTITIES and name not in ("time", POSITION):
-        known = [*QUANTITIES, *FUNCTIONS, "time"]
-        raise UnknownNameError("unknown quantity", where=WHERE, given=name[:80], hint=suggest(name, known))
+        valid_names = [*QUANTITIES, *FUNCTIONS, "time"]
+        raise UnknownNameError(
+            "unknown quantity", where=WHERE, given=name[:80], hint=suggest(name, valid_names)
+        )
 
 
 def _check_call(node: ast.Call, name: str) -> np.float64 | None:
@@ -169,7 +171,7 @@ def _check_call(node: ast.Call, name: str) -> np.float64 | None:
     if not node.args or (name in UNARY_FUNCTIONS and len(node.args) > 1):
         count = "one argument" if name in UNARY_FUNCTIONS else "one argument or more"
         raise _build_error(f"{name} takes {count}, not {len(node.args)}", node, f"{name}(...) of {count}")
-    function, values = FUNCTIONS[name], [_check_part(part) for part in node.args]
+    function, values = FUNCTIONS[name], [_check_part(argument) for argument in node.args]
     return _apply_to_constants(lambda *numbers: function(numbers if len(numbers) > 1 else numbers[0]), values)
 
 
@@ -186,11 +188,11 @@ def _check_quantity_entry(node: ast.Subscript, quantity: str) -> None:
         kind = "a function" if quantity in FUNCTIONS else "a single number"
         raise _build_error(f"{quantity} is {kind} and has no entries", node, "an entry of a quantity")
     _check_name(quantity)
-    for part in node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]:
-        inner = part.operand if isinstance(part, ast.UnaryOp) and isinstance(part.op, ast.USub) else part
-        types = (int,) if inner is not part else (int, str)
+    for entry in node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]:
+        inner = entry.operand if isinstance(entry, ast.UnaryOp) and isinstance(entry.op, ast.USub) else entry
+        types = (int,) if inner is not entry else (int, str)
         if not isinstance(inner, ast.Constant) or type(inner.value) not in types:
-            raise _build_error("not a valid index", part, 'a name in quotes or a number, as ["c1"] or [0]')
+            raise _build_error("not a valid index", entry, 'a name in quotes or a number, as ["c1"] or [0]')
 
 
 def _build_error(problem: str, node: ast.AST, allowed: str) -> InvalidValueError:

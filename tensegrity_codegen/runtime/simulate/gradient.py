@@ -10,11 +10,11 @@ from numpy.typing import ArrayLike
 from tensegrity_codegen.runtime.integrate.adjoint import TAPE_BYTES, TapedRun, directed_shapes
 from tensegrity_codegen.runtime.integrate.motion import Motion, Schedule
 from tensegrity_codegen.runtime.integrate.options import Stepping, read_stepping
+from tensegrity_codegen.runtime.model.interface import require_quantities
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.require import require_quantities
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
 from tensegrity_codegen.runtime.profiles.profile import BUILD, Profile
-from tensegrity_codegen.runtime.simulate.given import read_motion
+from tensegrity_codegen.runtime.simulate.motion_input import read_motion
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.evaluate import evaluate_trajectory
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
@@ -145,10 +145,10 @@ def motion_gradient(
     trajectory = evaluate_trajectory(model, raw, motion.arguments, motion.schedule)
     if trajectory.status != "ok":
         raise ConvergenceError(f"the motion fails: {trajectory.message}", where=model.manifest.name)
-    value, parts = read_loss(loss, trajectory)
+    value, derivatives = read_loss(loss, trajectory)
     weights = _Weights(model, trajectory, motion.arguments, motion.schedule)
-    for name, part in parts.items():
-        getattr(weights, f"add_{name}")(part)
+    for name, derivative in derivatives.items():
+        getattr(weights, f"add_{name}")(derivative)
     back = run.go_back(weights.state)
     by = {name: array + weights.number.get(name, 0.0) for name, array in back.number.items()}
     n = len(model.manifest.coordinate_name)
@@ -160,24 +160,24 @@ def motion_gradient(
         assert isinstance(motion.schedule, DrivenArguments)
         assert schedule is not None
         knots = _to_knots(schedule, back.coefficient + weights.driven(motion.schedule))
-    found = MotionGradient(value, trajectory, by, knots, parts)
+    gradient = MotionGradient(value, trajectory, by, knots, derivatives)
     if not check:
-        return found
-    near = _Nearby(found, motion, arguments, schedule)
+        return gradient
+    nearby = _Nearby(gradient, motion, arguments, schedule)
 
     def compute_loss(step: float) -> float:
-        given = near.move(step)
-        again: dict[str, Any] = {
+        inputs = nearby.move(step)
+        options: dict[str, Any] = {
             "method": method,
             "rtol": max(rtol / TIGHTER, LEAST_RTOL),
             "stepping": Stepping(control="steps"),
         }
-        moved = simulate(model, t_end, samples=samples, **again, **given)
+        moved = simulate(model, t_end, samples=samples, **options, **inputs)
         if moved.status != "ok":
             raise ConvergenceError("a motion nearby fails", where=model.manifest.name)
         return read_loss(loss, moved)[0]
 
-    return replace(found, error=compare_with_differences(compute_loss, near.slope))
+    return replace(gradient, error=compare_with_differences(compute_loss, nearby.slope))
 
 
 def compare_with_differences(compute_loss: Callable[[float], float], slope: float) -> float | None:
@@ -189,11 +189,13 @@ def compare_with_differences(compute_loss: Callable[[float], float], slope: floa
     errors: list[float] = []
     for step in STEPS:
         try:
-            near, far = ((compute_loss(k * step) - compute_loss(-k * step)) / (2 * k * step) for k in (1, 2))
+            first_difference, second_difference = (
+                (compute_loss(k * step) - compute_loss(-k * step)) / (2 * k * step) for k in (1, 2)
+            )
         except (ConvergenceError, InvalidValueError):
             break
-        apart = abs(2.0 * near - far - slope)
-        errors.append(apart / abs(slope) if slope else (float("inf") if apart else 0.0))
+        error = abs(2.0 * first_difference - second_difference - slope)
+        errors.append(error / abs(slope) if slope else (float("inf") if error else 0.0))
         if errors[0] <= BENT:
             break
     return min(errors, default=None)
@@ -203,33 +205,41 @@ class _Nearby:
     """Motions with all numbers changed by parts of their sizes, so that the loss rises."""
 
     def __init__(
-        self, found: MotionGradient, motion: Motion, given: Mapping[str, Any] | None, schedule: Profile | None
+        self,
+        gradient: MotionGradient,
+        motion: Motion,
+        inputs: Mapping[str, Any] | None,
+        schedule: Profile | None,
     ) -> None:
-        n = len(found.by["coordinate"])
+        n = len(gradient.by["coordinate"])
         start = dict(zip(START[:2], (motion.state[:n], motion.state[n : 2 * n]), strict=True))
         reach = float(np.abs(start["coordinate"]).max(initial=0.0))
         size = {"coordinate": reach, "velocity": reach / motion.t_end}
         driven = {} if schedule is None else dict(schedule.values)
         self.schedule, self.slope = schedule, 0.0
-        self.given = dict(motion.arguments) if schedule is None else dict(given or {})
+        self.given = dict(motion.arguments) if schedule is None else dict(inputs or {})
         self.value: dict[str, FloatArray] = (
             {} if motion.model.manifest.rigid_bar else start
         )  # bars keep lengths
         left_out = (*START, *driven, *(("input",) if driven else ()))
-        for name in found.by:
+        for name in gradient.by:
             if name not in left_out:
                 self.value[name] = np.asarray(motion.arguments.get(name, motion.model.nominal(name)))
         self.way: dict[str, FloatArray] = {}
         for name, value, slope in (
-            *((name, value, found.by[name]) for name, value in self.value.items()),
-            *((name, value, found.knots[name]) for name, value in driven.items() if name in found.knots),
+            *((name, value, gradient.by[name]) for name, value in self.value.items()),
+            *(
+                (name, value, gradient.knots[name])
+                for name, value in driven.items()
+                if name in gradient.knots
+            ),
         ):
-            parts = np.abs(np.asarray(value, dtype=np.float64)).reshape(np.shape(slope))
+            sizes = np.abs(np.asarray(value, dtype=np.float64)).reshape(np.shape(slope))
             if name in (*START, "input", *driven):  # zero is as good a value as any other
-                least = size.get(name, INPUT_SIZE)
-                parts = np.full(parts.shape, parts.max(initial=0.0) or least)
-            self.way[name] = parts * np.sign(slope)
-            self.slope += float(np.sum(parts * np.abs(slope)))
+                default_size = size.get(name, INPUT_SIZE)
+                sizes = np.full(sizes.shape, sizes.max(initial=0.0) or default_size)
+            self.way[name] = sizes * np.sign(slope)
+            self.slope += float(np.sum(sizes * np.abs(slope)))
 
     def move(self, step: float) -> dict[str, Any]:
         """Return arguments of `simulate` with all numbers moved."""
@@ -237,47 +247,44 @@ class _Nearby:
             name: self.value[name] + step * self.way[name].reshape(np.shape(self.value[name]))
             for name in self.value
         }
-        given: dict[str, Any] = {name: moved.pop(name) for name in START[:2] if name in moved}
+        inputs: dict[str, Any] = {name: moved.pop(name) for name in START[:2] if name in moved}
         if self.schedule is not None:
             values = {
                 name: value + step * self.way.get(name, 0.0) for name, value in self.schedule.values.items()
             }
-            given["schedule"] = Profile(self.schedule.time, values, self.schedule.kind)
-        return {"arguments": {**self.given, **moved}, **given}
+            inputs["schedule"] = Profile(self.schedule.time, values, self.schedule.kind)
+        return {"arguments": {**self.given, **moved}, **inputs}
 
 
 def read_loss(loss: Loss, motion: Trajectory) -> tuple[float, dict[str, FloatArray]]:
-    """Return a loss of a motion, and its derivatives to quantities at the samples.
-
-    Raises InvalidValueError for a loss of another form, NonFiniteError for one that is not finite.
-    """
+    """Return a loss of a motion, and its derivatives to quantities at the samples, all checked."""
     check_instance(loss, Callable, "loss", "a function of a motion")  # type: ignore[arg-type]
-    found = loss(motion)
-    if not (isinstance(found, tuple) and len(found) == 2 and isinstance(found[1], Mapping)):
+    answer = loss(motion)
+    if not (isinstance(answer, tuple) and len(answer) == 2 and isinstance(answer[1], Mapping)):
         raise InvalidValueError(
             "a loss returns its value and a mapping of its derivatives",
             where="loss",
-            given=type(found).__name__,
+            given=type(answer).__name__,
             allowed=f"(value, {{name: array}}) with the names {', '.join(OBSERVED)}",
         )
-    value, parts = float(found[0]), {}
-    for name, part in found[1].items():
+    value, derivatives = float(answer[0]), {}
+    for name, derivative in answer[1].items():
         if name not in OBSERVED:
             raise InvalidValueError(
                 "a loss has no derivative to this", where="loss", given=name, allowed=", ".join(OBSERVED)
             )
         shape = find_observed(motion, name).shape
-        parts[name] = np.asarray(part, dtype=np.float64)
-        if parts[name].shape != shape:
+        derivatives[name] = np.asarray(derivative, dtype=np.float64)
+        if derivatives[name].shape != shape:
             raise InvalidValueError(
                 "a derivative of the loss has another shape",
                 where=f"loss: {name}",
-                given=parts[name].shape,
+                given=derivatives[name].shape,
                 allowed=str(shape),
             )
-    if not (np.isfinite(value) and all(np.isfinite(part).all() for part in parts.values())):
+    if not (np.isfinite(value) and all(np.isfinite(derivative).all() for derivative in derivatives.values())):
         raise NonFiniteError("the loss or its derivatives are not finite", where="loss", given=value)
-    return value, parts
+    return value, derivatives
 
 
 def find_observed(motion: Trajectory, name: str) -> FloatArray:
@@ -306,7 +313,9 @@ class _Weights:
     def add_node_position(self, weight: FloatArray) -> None:
         """Add weights of positions (n_t, n_nodes, 3), of anchored nodes too."""
         self.state[:, : self.n] += weight[:, self.node, self.axis]
-        anchors = next((item for item in self.manifest.arguments if item.name == "anchor_position"), None)
+        anchors = next(
+            (argument for argument in self.manifest.arguments if argument.name == "anchor_position"), None
+        )
         if anchors is None:
             return
         held = weight.sum(axis=0)
@@ -323,11 +332,11 @@ class _Weights:
         strands = self.manifest.strands
         span = strands.vectors(self.motion.node_position)
         along = strands.spread(weight)[..., None] * span / np.linalg.norm(span, axis=-1, keepdims=True)
-        found = np.zeros_like(self.motion.node_position)
-        for k, (first, second) in enumerate(strands.ends):
-            found[:, first] += along[:, k]
-            found[:, second] -= along[:, k]
-        self.add_node_position(found)
+        node_weight = np.zeros_like(self.motion.node_position)
+        for k, (start, end) in enumerate(strands.ends):
+            node_weight[:, start] += along[:, k]
+            node_weight[:, end] -= along[:, k]
+        self.add_node_position(node_weight)
 
     def add_member_tension(self, weight: FloatArray) -> None:
         """Add weights of tensions (n_t, n_members), which depend on run-time parameters too."""
@@ -335,33 +344,33 @@ class _Weights:
         moved = self.state.shape[1]
         shapes = directed_shapes(self.manifest)
         edges = np.cumsum([int(np.prod(shape)) for shape in shapes.values()])[:-1]
-        wanted = self.model.function("adjoint_tension").spec.arguments
+        needed = self.model.function("adjoint_tension").spec.arguments
         for k in np.flatnonzero(weight.any(axis=1)):
             time = float(self.motion.time[k])
-            given = {**self.arguments, **(self.schedule(time) if self.schedule else {})}
-            given |= {"coordinate": self.motion.coordinate[k], "velocity": self.motion.velocity[k]}
-            given |= {"tension_weight": weight[k]}
+            values = {**self.arguments, **(self.schedule(time) if self.schedule else {})}
+            values |= {"coordinate": self.motion.coordinate[k], "velocity": self.motion.velocity[k]}
+            values |= {"tension_weight": weight[k]}
             if self.motion.internal is not None:
-                given["internal"] = self.motion.internal[k]
-            given = {name: value for name, value in given.items() if name in wanted}
-            found = np.asarray(self.model.compute("adjoint_tension", **given))
-            self.state[k] += found[:moved]
-            numbers = dict(zip(shapes, np.split(found[moved:], edges), strict=True))
+                values["internal"] = self.motion.internal[k]
+            values = {name: value for name, value in values.items() if name in needed}
+            derivative = np.asarray(self.model.compute("adjoint_tension", **values))
+            self.state[k] += derivative[:moved]
+            numbers = dict(zip(shapes, np.split(derivative[moved:], edges), strict=True))
             self.followed.append((time, numbers))
-            for name, part in numbers.items():
-                self._add_number(name, part.reshape(shapes[name]))
+            for name, number_weight in numbers.items():
+                self._add_number(name, number_weight.reshape(shapes[name]))
 
     def driven(self, schedule: DrivenArguments) -> FloatArray:
         """Return weights of the coefficients of a schedule that a loss depends on directly."""
         pieces = schedule.pieces
-        found = np.zeros_like(pieces.coefficient)
+        weights = np.zeros_like(pieces.coefficient)
         for time, numbers in self.followed:
             piece = int(np.searchsorted(pieces.time[1:-1], time, side="right"))
-            powers = (time - pieces.time[piece]) ** np.arange(found.shape[1])
+            powers = (time - pieces.time[piece]) ** np.arange(weights.shape[1])
             # What a column is along is in a profile too, and nothing that a loss depends on
             row = [numbers[name][k] if name in numbers else 0.0 for name, k in schedule.place]
-            found[piece] += np.outer(powers, row)
-        return found
+            weights[piece] += np.outer(powers, row)
+        return weights
 
     def _add_number(self, name: str, part: FloatArray) -> None:
         self.number[name] = self.number.get(name, 0.0) + part
@@ -369,11 +378,11 @@ class _Weights:
 
 def _to_knots(profile: Profile, coefficient: FloatArray) -> dict[str, FloatArray]:
     """Return derivatives to the knots of a profile, of which its coefficients are sums."""
-    each = BUILD[profile.kind](profile.time, np.eye(len(profile.time))).coefficient
-    whole = np.einsum("pdk,pdv->kv", each, coefficient)
+    basis = BUILD[profile.kind](profile.time, np.eye(len(profile.time))).coefficient
+    derivative = np.einsum("pdk,pdv->kv", basis, coefficient)
     edges = np.cumsum([array[0].size for array in profile.values.values()])[:-1]
-    parts = np.split(whole, edges, axis=1)
+    pieces = np.split(derivative, edges, axis=1)
     return {
-        name: part.reshape(value.shape)
-        for (name, value), part in zip(profile.values.items(), parts, strict=True)
+        name: piece.reshape(value.shape)
+        for (name, value), piece in zip(profile.values.items(), pieces, strict=True)
     }

@@ -9,14 +9,10 @@ from numpy.typing import ArrayLike
 from tensegrity_codegen.runtime.accuracy.integrate import join_runs
 from tensegrity_codegen.runtime.integrate.event_log import Condition
 from tensegrity_codegen.runtime.integrate.motion import Progress, Schedule
-from tensegrity_codegen.runtime.integrate.options import (
-    MOVED_TO_STEPPING,
-    Stepping,
-    read_stepping,
-)
+from tensegrity_codegen.runtime.integrate.options import MOVED_TO_STEPPING, Stepping, read_stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.profile import Profile
-from tensegrity_codegen.runtime.simulate.given import read_motion
+from tensegrity_codegen.runtime.simulate.motion_input import read_motion
 from tensegrity_codegen.runtime.simulate.until import Until, read_until
 from tensegrity_codegen.runtime.trajectory.evaluate import evaluate_trajectory
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory

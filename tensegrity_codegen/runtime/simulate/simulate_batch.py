@@ -13,10 +13,7 @@ from tensegrity_codegen.runtime.accuracy.integrate import join_runs
 from tensegrity_codegen.runtime.accuracy.rates import find_fastest_of_batch
 from tensegrity_codegen.runtime.accuracy.scales import set_atol_by_length
 from tensegrity_codegen.runtime.accuracy.step_doubling import check_batch_by_doubling
-from tensegrity_codegen.runtime.integrate.batch_integration import (
-    integrate_batch,
-    runs_side_by_side,
-)
+from tensegrity_codegen.runtime.integrate.batch_integration import integrate_batch, runs_side_by_side
 from tensegrity_codegen.runtime.integrate.motion import Motion, Progress, Schedule
 from tensegrity_codegen.runtime.integrate.options import (
     MOVED_TO_STEPPING,
@@ -26,15 +23,17 @@ from tensegrity_codegen.runtime.integrate.options import (
     read_stepping,
 )
 from tensegrity_codegen.runtime.integrate.raw_results import NOT_ESTIMATED, RawBatch
-from tensegrity_codegen.runtime.model.arguments import check_arguments
+from tensegrity_codegen.runtime.model.arguments import check_arguments, merge_inputs
 from tensegrity_codegen.runtime.model.arrays import agree_on_rows, to_batch
 from tensegrity_codegen.runtime.model.batch import check_threads
+from tensegrity_codegen.runtime.model.interface import require_model
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
-from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.profiles.profile import Profile
-from tensegrity_codegen.runtime.simulate.consistency import make_consistent
-from tensegrity_codegen.runtime.simulate.given import check_profiles, check_sample_memory
+from tensegrity_codegen.runtime.simulate.motion_input import (
+    check_profiles,
+    check_sample_memory,
+    make_consistent,
+)
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
 from tensegrity_codegen.runtime.trajectory.evaluate import evaluate_batch, select_motion
@@ -182,12 +181,12 @@ def _read_starts(
 def _integrate(motion: Motion, options: RunOptions, threads: int) -> RawBatch:
     """Return the samples of a batch, compared with those of other steps unless `control` is "steps"."""
     if options.control == "steps":
-        found = integrate_batch(motion, set_atol_by_length(motion.model.manifest, options), threads)
+        batch = integrate_batch(motion, set_atol_by_length(motion.model.manifest, options), threads)
         message = (
-            f"{told}; {NOT_ESTIMATED}" if word == "ok" else told
-            for word, told in zip(found.status, found.message, strict=True)
+            f"{reported}; {NOT_ESTIMATED}" if status == "ok" else reported
+            for status, reported in zip(batch.status, batch.message, strict=True)
         )
-        return replace(found, message=tuple(message))
+        return replace(batch, message=tuple(message))
     motion = replace(motion, progress=join_runs(motion.progress))
     if options.step is None:
         return integrate_batch_to_samples(motion, options, threads)
@@ -230,10 +229,7 @@ def _simulate_one_by_one(
     threads: int,
     progress: Progress | None,
 ) -> BatchTrajectory:
-    """Return the motions, each simulated by itself with the same options, in threads.
-
-    A motion that cannot even begin has the status "non_finite_input" or "unstable" and no samples.
-    """
+    """Return the motions, each simulated by itself in threads, without samples where it cannot begin."""
     n_coordinates, state = starts.state.shape[1] // 2, starts.state
 
     def run(k: int) -> Trajectory | tuple[str, str]:

@@ -13,8 +13,8 @@ from tensegrity_codegen.runtime.integrate.motion import Motion, Schedule
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.integrate.scipy_methods import find_distances
+from tensegrity_codegen.runtime.model.interface import require_quantities
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.require import require_quantities
 from tensegrity_codegen.runtime.profiles.driven import follows_in_c
 from tensegrity_codegen.runtime.simulate.condition import build_condition, is_comparison
 from tensegrity_codegen.runtime.trajectory.trajectory import MotionEvent
@@ -54,12 +54,7 @@ class Until:
         arguments: Mapping[str, Any],
         schedule: Schedule | None = None,
     ) -> Watch | None:
-        """Return what the integrator shall watch, jumps of stiffness too if it knows them; None: as usual.
-
-        Raises InvalidValueError for a condition and a method that watches none, as those are that follow a
-        schedule unless it is a profile in C, what build_condition raises, and FormulationError where contacts
-        lack bar_distance.
-        """
+        """Return what the integrator shall watch, jumps of stiffness too if it knows them; None: as usual."""
         condition = self.condition
         kinds: list[str] = []
         stop: list[str] = []
@@ -85,8 +80,10 @@ class Until:
         if not kinds:
             return None
         events = {spec.name: spec.events for spec in model.manifest.integrators}
-        known = events.get(method, [kind for one in events.values() for kind in one])
-        return Watch((*(kind for kind in JUMP_KINDS if kind in known), *kinds), tuple(stop), call)
+        kinds_of_method = events.get(
+            method, [kind for method_kinds in events.values() for kind in method_kinds]
+        )
+        return Watch((*(kind for kind in JUMP_KINDS if kind in kinds_of_method), *kinds), tuple(stop), call)
 
     def integrate(self, motion: Motion, options: RunOptions) -> tuple[RawTrajectory, tuple[MotionEvent, ...]]:
         """Return the samples up to the event that ends the motion and the state there, and that event.
@@ -113,7 +110,7 @@ class Until:
         if self.contact:
             same = log.time >= raw.time[-1] - SAME_TIME * motion.t_end
             rows = zip(log.name, log.kind, same.tolist(), strict=True)
-            names = tuple(name for name, own, is_same in rows if own == "contact" and is_same)
+            names = tuple(name for name, event_kind, is_same in rows if event_kind == "contact" and is_same)
             return _tell_contact(motion, raw, names if kind == "contact" else ())
         return raw, ()
 
@@ -173,7 +170,7 @@ def _tell_contact(
     if not names:
         return replace(raw, message="; ".join(filter(None, [raw.message, "no contact"]))), ()
     n, state, time = raw.state.shape[1] // 2, raw.state[-1], float(raw.time[-1])
-    said = f"contact of {', '.join(names)} at t = {time:.9g} s"
+    sentence = f"contact of {', '.join(names)} at t = {time:.9g} s"
     margin = float(np.min(find_distances(motion, state)))
     event = MotionEvent("contact", names, time, margin, state[:n], state[n:])
-    return replace(raw, message="; ".join(filter(None, [raw.message, said]))), (event,)
+    return replace(raw, message="; ".join(filter(None, [raw.message, sentence]))), (event,)

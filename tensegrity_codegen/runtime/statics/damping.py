@@ -19,7 +19,7 @@ import scipy
 
 from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT, Factoriser, Solve
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
-from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.tables.strands import Strands
 
 MOST_TURN = 1.0  # largest difference of the ends of a member in one step, as part of its length
@@ -64,15 +64,11 @@ def locate_members(position: FloatArray, strands: Strands, point: Any) -> Member
 
 
 def find_turn(moved: FloatArray, here: Members, there: Members | None) -> FloatArray:
-    """Return by how much of its length the ends of each member part along a step, (..., n_members).
-
-    moved: difference of these displacements (..., n_members, 3) [m]. That of cables that are slack before and
-    after does not matter.
-    """
-    apart = np.sqrt((moved**2).sum(axis=-1))
+    """Return by how much of its length the ends of each member part in a step, of slack cables 0."""
+    difference = np.sqrt((moved**2).sum(axis=-1))
     if there is not None:
-        apart[(here.tension == 0.0) & (there.tension == 0.0)] = 0.0
-    return np.asarray(apart / np.maximum(here.length, LEAST_LENGTH * here.longest))
+        difference[(here.tension == 0.0) & (there.tension == 0.0)] = 0.0
+    return np.asarray(difference / np.maximum(here.length, LEAST_LENGTH * here.longest))
 
 
 @dataclass
@@ -87,41 +83,38 @@ class Damping:
     @classmethod
     def start(cls, *shape: int) -> "Damping":
         """Return no damping, of shape (..., n_members)."""
-        one = (*shape[:-1], 1)
-        return cls(np.zeros(shape), np.zeros(shape), np.zeros(one), np.zeros(one))
+        single = (*shape[:-1], 1)
+        return cls(np.zeros(shape), np.zeros(shape), np.zeros(single), np.zeros(single))
 
     def find_weight(self, compression: FloatArray) -> FloatArray:
         """Return the damping of each member, compression (..., n_members) [N/m] included."""
         return self.sigma + self.compression_part * compression
 
-    def harden(self, here: Members, least: FloatArray) -> None:
+    def harden(self, here: Members, least_shift: FloatArray) -> None:
         """Damp more after the matrix was not positive definite with a shift of at least `least` [N/m]."""
         is_partial = self.compression_part < 1.0
-        shift = np.maximum.reduce([4 * self.shift, 1e-3 * here.density, 10 * least])
+        shift = np.maximum.reduce([4 * self.shift, 1e-3 * here.density, 10 * least_shift])
         self.shift = np.where(is_partial, self.shift, shift)
-        part = np.maximum(2 * self.compression_part, LEAST_PART)
-        self.compression_part = np.where(is_partial, part, self.compression_part)
+        fraction = np.maximum(2 * self.compression_part, LEAST_PART)
+        self.compression_part = np.where(is_partial, fraction, self.compression_part)
 
     def hold(self, turn: FloatArray, here: Members) -> None:
         """Damp the members that turn most, after a step whose end has no energy, or too far to be trusted."""
-        far = turn > 0.5 * np.minimum(MOST_TURN, turn.max(axis=-1, initial=0.0, keepdims=True))
-        first = FIRST_DAMPING * here.force / here.length
-        self.sigma = np.where(far, np.maximum(4 * self.sigma, first), self.sigma)
+        turns_most = turn > 0.5 * np.minimum(MOST_TURN, turn.max(axis=-1, initial=0.0, keepdims=True))
+        initial = FIRST_DAMPING * here.force / here.length
+        self.sigma = np.where(turns_most, np.maximum(4 * self.sigma, initial), self.sigma)
 
     def refuse(self, need: FloatArray, here: Members, attempt: Any) -> None:
         """Damp more after a step that did not lower the energy as it should have; attempt: (..., 1)."""
         between = need ** (1 / 3) * np.maximum(self.sigma, need / 30) ** (2 / 3)
         self.sigma = np.maximum(2 * self.sigma, between)
         is_late = np.asarray(attempt) >= LATE_ATTEMPT
-        more = 4 * self.sigma + FIRST_DAMPING * here.force / here.length
-        self.sigma = np.where(is_late, more, self.sigma)
+        increased = 4 * self.sigma + FIRST_DAMPING * here.force / here.length
+        self.sigma = np.where(is_late, increased, self.sigma)
         self.shift = np.where(is_late, np.maximum(4 * self.shift, 1e-3 * here.density), self.shift)
 
     def relax(self, need: FloatArray, turn: FloatArray, ratio: Any, is_first: Any) -> None:
-        """Damp less after a step that lowered the energy by `ratio` of what the undamped model says.
-
-        ratio, is_first: (..., 1).
-        """
+        """Damp less after a step that saved `ratio` (..., 1) of the energy that the undamped model says."""
         largest = turn.max(axis=-1, initial=0.0, keepdims=True)
         much = np.clip(0.2 / np.maximum(largest, 1e-300), 4.0, 100.0)
         self.sigma = self.sigma / np.where(is_first, much, 2.0)
@@ -142,19 +135,21 @@ class Damping:
         return np.asarray((self.spring_constant * gap)[..., None] * here.unit)
 
     def find_need(self, moved: FloatArray, here: Members, there: Members, kept: IntArray) -> FloatArray:
-        """Return the damping that would have covered the true energy of each member, (..., n_members) [N/m].
-
-        kept: numbers of members whose lengths steps keep, which need none.
-        """
+        """Return the damping that would have covered each member's energy [N/m], 0 for members `kept`."""
         tension, after = here.tension, there.tension
         elongation, square = (here.unit * moved).sum(axis=-1), (moved**2).sum(axis=-1)
         change = there.length - here.length
         taut, stays = tension != 0.0, after != 0.0
-        self._note_spring_constants(after - tension, change, taut & stays, here.length)
-        known = np.where(taut, self.spring_constant, 0.0)
-        whole = (here.unit * (there.vector - here.vector)).sum(axis=-1)  # corrections of the step included
+        size = np.abs(change)
+        good = taut & stays & (size > 1e-7 * here.length)
+        slope = np.abs(after - tension) / np.where(good, size, 1.0)
+        self.spring_constant = np.where(good, slope, self.spring_constant)
+        spring_constant = np.where(taut, self.spring_constant, 0.0)
+        corrected_elongation = (here.unit * (there.vector - here.vector)).sum(
+            axis=-1
+        )  # corrections of the step included
         turned = tension / here.length * (square - elongation**2)
-        model = tension * whole + (known * elongation**2 + turned) / 2
+        model = tension * corrected_elongation + (spring_constant * elongation**2 + turned) / 2
         energy = (tension + after) * change / 2
         twice = 2 * np.where(self.spring_constant > 0, self.spring_constant, 1.0)
         snapped = ~taut & stays & (self.spring_constant > 0)
@@ -165,13 +160,6 @@ class Damping:
         need[..., kept] = 0.0
         need[square <= (1e-9 * here.length) ** 2] = 0.0
         return np.asarray(np.nan_to_num(need, nan=0.0, posinf=0.0))
-
-    def _note_spring_constants(
-        self, force: FloatArray, change: FloatArray, taut: BoolArray, length: FloatArray
-    ) -> None:
-        size = np.abs(change)
-        good = taut & (size > 1e-7 * length)
-        self.spring_constant = np.where(good, np.abs(force) / np.where(good, size, 1.0), self.spring_constant)
 
 
 class MemberDamping(Damping):
@@ -187,20 +175,17 @@ class MemberDamping(Damping):
         return locate_members(self.problem.node_position(point.coordinate), self.problem.strands, point)
 
     def factorise(self, stiffness: Any, difference: Any, point: Point, here: Members) -> Solve | None:
-        """Return the solution with the damped stiffness; more damping where it is not positive definite.
-
-        None where even MOST_FACTORS factorisations do not find one.
-        """
+        """Return the solution with enough damping; None where MOST_FACTORS factorisations do not find one."""
         matrix = stiffness.toarray() if stiffness.shape[0] <= DENSE_LIMIT else stiffness
-        least = find_least_shift(self.problem.bound_rounding(stiffness, point.coordinate), here)
+        least_shift = find_least_shift(self.problem.bound_rounding(stiffness, point.coordinate), here)
         tension = self.problem.strands.spread(self.problem.find_stiff_tension(point))
         compression = np.maximum(-tension, 0.0) / here.length
         for _ in range(MOST_FACTORS):
-            weight, shift = self.find_weight(compression), float((self.shift + least)[0])
+            weight, shift = self.find_weight(compression), float((self.shift + least_shift)[0])
             solve = self.factoriser.factorise(_add(matrix, difference, weight, shift))
             if solve is not None:
                 return solve
-            self.harden(here, least)
+            self.harden(here, least_shift)
         return None
 
 
@@ -211,9 +196,13 @@ def find_least_shift(rounding: Any, here: Members) -> FloatArray:
 
 def _add(matrix: Any, difference: Any, weight: FloatArray, shift: float) -> Any:
     """Return matrix + D^T diag(weight) D + shift I, dense or sparse as the matrix."""
-    each = np.repeat(weight, 3)
+    diagonal = np.repeat(weight, 3)
     if isinstance(matrix, np.ndarray):
-        whole = matrix + shift * np.eye(len(matrix))
-        return whole + difference.T @ (each[:, None] * difference) if weight.any() else whole
-    whole = matrix + shift * scipy.sparse.eye_array(matrix.shape[0], format="csc")
-    return whole + difference.T @ (scipy.sparse.diags_array(each) @ difference) if weight.any() else whole
+        shifted = matrix + shift * np.eye(len(matrix))
+        return shifted + difference.T @ (diagonal[:, None] * difference) if weight.any() else shifted
+    shifted = matrix + shift * scipy.sparse.eye_array(matrix.shape[0], format="csc")
+    return (
+        shifted + difference.T @ (scipy.sparse.diags_array(diagonal) @ difference)
+        if weight.any()
+        else shifted
+    )

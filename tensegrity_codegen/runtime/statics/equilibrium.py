@@ -7,18 +7,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.model.arrays import to_array
-from tensegrity_codegen.runtime.model.interface import Model
-from tensegrity_codegen.runtime.model.require import require_double, require_model
-from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
-from tensegrity_codegen.runtime.statics.body_problem import BodyProblem
+from tensegrity_codegen.runtime.model.interface import Model, require_double, require_model
+from tensegrity_codegen.runtime.statics.constrained_problems import BarProblem, BodyProblem
 from tensegrity_codegen.runtime.statics.equilibrium_record import (
     Equilibrium,
     record_outcome,
     record_without_forces,
 )
-from tensegrity_codegen.runtime.statics.newton import Outcome, Progress, find_minimum, follow_residual
+from tensegrity_codegen.runtime.statics.newton import (
+    Outcome,
+    Progress,
+    find_minimum,
+    find_relaxed,
+    follow_residual,
+)
 from tensegrity_codegen.runtime.statics.on_ground import find_on_ground
-from tensegrity_codegen.runtime.statics.relaxation import find_relaxed
 from tensegrity_codegen.runtime.statics.ring_slip import slip_until_held
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.system.arrays import FloatArray
@@ -48,41 +51,12 @@ RELAXATION_STEPS = 40  # relaxation steps allowed for each allowed iteration
 
 
 def equilibrium_quantities(formulation: str) -> tuple[str, ...]:
-    """Return the quantities that find_equilibrium needs in a formulation.
-
-    Parameters
-    ----------
-    formulation : str
-        Name of the formulation.
-
-    Returns
-    -------
-    tuple of str
-        Names of quantities.
-    """
+    """Return the quantities that find_equilibrium needs in a formulation."""
     return PROBLEMS[find_formulation(formulation).statics].quantities
 
 
 def build_problem(model: Model, arguments: Mapping[str, Any] | None = None) -> StaticProblem:
-    """Return the static problem of a model, for its formulation.
-
-    Parameters
-    ----------
-    model : CompiledModel
-        With the quantities of equilibrium_quantities.
-    arguments : mapping, optional
-        Inputs and parameters by name, where they differ from the scene.
-
-    Returns
-    -------
-    StaticProblem
-        Energy, forces and stiffness as functions of the coordinates.
-
-    Raises
-    ------
-    FormulationError
-        The model lacks a quantity.
-    """
+    """Return the static problem of a model, for its formulation, with arguments unlike the scene's."""
     require_double(model.manifest, "the search for an equilibrium")
     return PROBLEMS[find_formulation(model.manifest.formulation).statics](model, arguments)
 
@@ -117,26 +91,18 @@ def find_equilibrium(
         with work_pass(SETTLING):
             follow = follow_residual(progress)
 
-            def search(begin: Point) -> tuple[str, Outcome]:
+            def search(begin: Point, tolerance: float = tolerance) -> tuple[str, Outcome]:
                 return _search(problem, begin, tolerance, max_iterations, method, follow)
 
-            used: str
+            used: str = method
             if model.manifest.ring_name:
-                used, closest = method, min(tolerance, RING_TOLERANCE)
-                outcome = slip_until_held(
-                    problem,
-                    point,
-                    lambda begin: _search(problem, begin, closest, max_iterations, method, follow)[1],
-                )
+                closest = min(tolerance, RING_TOLERANCE)
+                outcome = slip_until_held(problem, point, lambda begin: search(begin, closest)[1])
             elif problem.contacts is None:
                 used, outcome = search(point)
             else:
-                used = method
                 point, outcome = find_on_ground(
-                    problem,
-                    start,
-                    lambda begin: search(begin)[1],
-                    tolerance=tolerance,
+                    problem, start, lambda begin: search(begin)[1], tolerance=tolerance
                 )
         equilibrium = record_outcome(problem, point, outcome, used)
     if raise_on_failure and not equilibrium.is_found:
@@ -154,30 +120,30 @@ def _search(
 ) -> tuple[str, Outcome]:
     """Return the method that had the last word, and its outcome."""
     problem.check_start(start)
-    hopeless = _find_unheld(problem, start)
-    if hopeless is not None:
-        return method, hopeless
-    most_steps = RELAXATION_STEPS * max_iterations
+    unheld = _find_unheld(problem, start)
+    if unheld is not None:
+        return method, unheld
+    max_steps = RELAXATION_STEPS * max_iterations
     if method == "relaxation":
         relaxed = find_relaxed(
-            problem, start, tolerance=tolerance, max_iterations=most_steps, progress=progress
+            problem, start, tolerance=tolerance, max_iterations=max_steps, progress=progress
         )
         return method, relaxed
-    found = find_minimum(
+    newton = find_minimum(
         problem, start, tolerance=tolerance, max_iterations=max_iterations, progress=progress
     )
-    if method == "newton" or found.status not in ("stalled", "iteration_limit"):
-        return "newton", found
+    if method == "newton" or newton.status not in ("stalled", "iteration_limit"):
+        return "newton", newton
     relaxed = find_relaxed(
-        problem, start, tolerance=RELAXATION_TOLERANCE, max_iterations=most_steps, progress=progress
+        problem, start, tolerance=RELAXATION_TOLERANCE, max_iterations=max_steps, progress=progress
     )
     polished = find_minimum(
         problem, relaxed.point, tolerance=tolerance, max_iterations=max_iterations, progress=progress
     )
-    spent = found.iterations + relaxed.iterations + polished.iterations
-    left = found.saddles_left + polished.saddles_left
+    spent = newton.iterations + relaxed.iterations + polished.iterations
+    saddles = newton.saddles_left + polished.saddles_left
     return "relaxation", Outcome(
-        polished.status, polished.point, spent, polished.message, left, polished.stability
+        polished.status, polished.point, spent, polished.message, saddles, polished.stability
     )
 
 
@@ -188,8 +154,12 @@ def _find_unheld(problem: StaticProblem, start: Point) -> Outcome | None:
     if unheld is None:
         return None
     axis, total = unheld
-    message = f"nothing is anchored along {'xyz'[axis]}, and the loads there add up to {total:.6g} N"
-    return Outcome("no_equilibrium", start, 0, message)
+    return Outcome("no_equilibrium", start, 0, describe_unheld(axis, total))
+
+
+def describe_unheld(axis: int, total: float) -> str:
+    """Return why nothing balances a total load [N] along an axis."""
+    return f"nothing is anchored along {'xyz'[axis]}, and the loads there add up to {total:.6g} N"
 
 
 def _failure(model: Model, equilibrium: Equilibrium) -> ConvergenceError:
@@ -233,18 +203,7 @@ def _start(problem: StaticProblem, coordinate: ArrayLike | None) -> FloatArray:
 
 
 def choose_tolerance(subject: Any) -> float:
-    """Return the tolerance of an equilibrium about which vibrations are computed.
-
-    Parameters
-    ----------
-    subject : Structure or BodySystem
-        What rests; on the ground the search goes on to rounding anyway.
-
-    Returns
-    -------
-    float
-        Tolerance of `find_equilibrium`, a part of the forces.
-    """
+    """Return the tolerance of an equilibrium of a Structure or BodySystem about which it vibrates."""
     return 1e-12 if getattr(subject, "ground", None) is None else 1e-9
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from tensegrity_codegen.runtime.contacts.rest_memory import name_plastic
 from tensegrity_codegen.runtime.model.arguments import apply_loads
 from tensegrity_codegen.runtime.statics.neutral_motion import NeutralMotions, find_neutral
-from tensegrity_codegen.runtime.statics.newton import Outcome, Stability, find_stability
+from tensegrity_codegen.runtime.statics.newton import FOUND, Outcome, find_stability
 from tensegrity_codegen.runtime.statics.on_ground import Feet, describe_feet
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.structure.bodies import BodySystem
@@ -230,7 +230,7 @@ class Equilibrium(ByName, Summarised):
         members = describe_count(len(self.member_tension), "member")
         return [
             ("tension", f"{describe_range(self.member_tension, 'N')} in {members}"),
-            *[("segments", item.describe()) for item in self.worst_segments],
+            *[("segments", segment.describe()) for segment in self.worst_segments],
             ("residual", f"{residual}, largest member force {largest}"),
             ("smallest eigenvalue", describe_number(self.smallest_eigenvalue, "N/m")),
             ("displacement", describe_number(self.displacement, "m") + node),
@@ -241,7 +241,7 @@ class Equilibrium(ByName, Summarised):
     @property
     def is_found(self) -> bool:
         """Whether this is a minimum of the energy, as exact as asked or as rounding permits."""
-        return self.status in ("converged", "rounding_limited")
+        return self.status in FOUND
 
     @property
     def worst_segments(self) -> list[SegmentError]:
@@ -283,9 +283,9 @@ class Equilibrium(ByName, Summarised):
                 "the shape differs from that of the scene"
             )
         sentences += [
-            f"{item.describe()}: with segments = {4 * item.n_segments} it is a sixteenth of that"
-            for item in self.worst_segments
-            if item.relative > MAX_SEGMENT_ERROR
+            f"{segment.describe()}: with segments = {4 * segment.n_segments} it is a sixteenth of that"
+            for segment in self.worst_segments
+            if segment.relative > MAX_SEGMENT_ERROR
         ]
         sentences += [] if self.snap is None else self.snap.describe()
         return (*sentences, *([] if self.members is None else self.members.describe()))
@@ -314,38 +314,21 @@ class Equilibrium(ByName, Summarised):
             "neutral_motions", "neutral_motion_names", "energy", "displacement", "displaced_node", "change",
             "changed_node", "extent", "is_start_unstable", "saddles_left", "warnings", "message",
         )  # fmt: skip
-        more: dict[str, Any] = {} if self.feet is None else {"contacts": self.feet.as_evidence()}
+        details: dict[str, Any] = {} if self.feet is None else {"contacts": self.feet.as_evidence()}
         if self.plastic_elongation:
-            more["plastic_elongation"] = self.plastic_elongation
+            details["plastic_elongation"] = self.plastic_elongation
         if self.slid:
-            more["slid"] = self.slid
+            details["slid"] = self.slid
         if self.segments:
-            more["segments"] = [asdict(item) for item in self.segments]
+            details["segments"] = [asdict(segment) for segment in self.segments]
         if self.snap is not None:
-            more |= self.snap.as_evidence()
-        limits = more | {"limits": None if self.members is None else self.members.as_evidence()}
+            details |= self.snap.as_evidence()
+        limits = details | {"limits": None if self.members is None else self.members.as_evidence()}
         return {name: getattr(self, name) for name in names} | limits
 
 
 def record_outcome(problem: StaticProblem, start: Point, outcome: Outcome, method: str) -> Equilibrium:
-    """Return the whole record of a search that has ended.
-
-    Parameters
-    ----------
-    problem : StaticProblem
-        Energy, forces and stiffness of the structure.
-    start : Point
-        Where the search began.
-    outcome : Outcome
-        How it ended.
-    method : str
-        Method that ended it.
-
-    Returns
-    -------
-    Equilibrium
-        Positions, tensions, residual, stability and status.
-    """
+    """Return the whole record of a search that began at `start` and that `method` ended."""
     point = outcome.point
     eigenvalue, neutral, status, message = float("nan"), 0, outcome.status, outcome.message
     try:
@@ -366,7 +349,12 @@ def record_outcome(problem: StaticProblem, start: Point, outcome: Outcome, metho
     position, begun = problem.node_position(point.coordinate), problem.node_position(start.coordinate)
     moved = np.linalg.norm(position - begun, axis=1)
     farthest = int(moved.argmax())
-    motions = None if stability is None else _find_motions(problem, point, stability)
+    motions = None
+    if stability is not None:
+        # Far from balance, mechanisms are those without any stiffness.
+        if point.node_force > START_RESIDUAL_TOLERANCE * point.largest_force:
+            stability = replace(stability, rounding=stability.rounding - stability.unbalanced)
+        motions = find_neutral(problem, point.coordinate, stability)
     change = moved if motions is None else motions.distance(begun, position)
     node_name = problem.model.manifest.node_name
     load, input_value = apply_loads(problem.model, problem.arguments), problem.arguments.get("input")
@@ -405,30 +393,8 @@ def record_outcome(problem: StaticProblem, start: Point, outcome: Outcome, metho
     )
 
 
-def _find_motions(problem: StaticProblem, point: Point, stability: Stability) -> NeutralMotions:
-    """Return the neutral motions; far from balance, mechanisms are those without any stiffness."""
-    if point.node_force > START_RESIDUAL_TOLERANCE * point.largest_force:
-        stability = replace(stability, rounding=stability.rounding - stability.unbalanced)
-    return find_neutral(problem, point.coordinate, stability)
-
-
 def record_without_forces(problem: StaticProblem, start: FloatArray, method: str) -> Equilibrium:
-    """Return the record of a start where energy or forces are not finite.
-
-    Parameters
-    ----------
-    problem : StaticProblem
-        Energy, forces and stiffness of the structure.
-    start : ndarray, shape (n_coordinates,) [m]
-        Where the search should have begun.
-    method : str
-        Method that was to search.
-
-    Returns
-    -------
-    Equilibrium
-        Of status ``"not_finite"``.
-    """
+    """Return the record of a start where energy or forces are not finite."""
     position, manifest = problem.node_position(start), problem.model.manifest
     nan, unknown = float("nan"), np.full(len(manifest.member_name), np.nan)
     length = manifest.strands.lengths(position)

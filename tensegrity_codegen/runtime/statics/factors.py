@@ -1,4 +1,4 @@
-"""Cholesky factors of symmetric matrices: by LAPACK; of sparse ones by CHOLMOD, if installed, or SuperLU."""
+"""Cholesky factors and smallest eigenvalues of stiffnesses: dense by LAPACK, sparse by CHOLMOD or SuperLU."""
 
 from collections.abc import Callable
 from typing import Any
@@ -22,10 +22,7 @@ class Factoriser:
         self._sparse: _Cholmod | _SuperLU | None = None
 
     def factorise(self, matrix: Any) -> Solve | None:
-        """Return the function b -> matrix^-1 b, None where the matrix is not positive definite.
-
-        matrix: symmetric (n, n), an array or a sparse array.
-        """
+        """Return b -> matrix^-1 b of a symmetric matrix (n, n); None where it is not positive definite."""
         self.n_factors += 1
         if isinstance(matrix, np.ndarray):
             return _factorise_dense(matrix)
@@ -85,8 +82,8 @@ class _Cholmod(_Pattern):
 
 def _shorten(matrix: Any) -> Any:
     """Return a matrix with indices of 32 bits, as CHOLMOD takes them."""
-    parts = (matrix.data, matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32))
-    return scipy.sparse.csc_matrix(parts, shape=matrix.shape)
+    arrays = (matrix.data, matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32))
+    return scipy.sparse.csc_matrix(arrays, shape=matrix.shape)
 
 
 class _SuperLU(_Pattern):
@@ -117,8 +114,66 @@ class _SuperLU(_Pattern):
             return solve
 
         def solve_ordered(right: FloatArray) -> FloatArray:
-            found = np.empty_like(right)
-            found[order] = factor.solve(right[order])
-            return found
+            solution = np.empty_like(right)
+            solution[order] = factor.solve(right[order])
+            return solution
 
         return solve_ordered
+
+
+def find_lowest_curvature(stiffness: Any, neutral: FloatArray) -> tuple[float, FloatArray]:
+    """Return the smallest eigenvalue [N/m] orthogonal to columns `neutral`, or inf, and its vector."""
+    size = stiffness.shape[0]
+    if neutral.shape[1] >= size:
+        return float("inf"), np.zeros(size)
+    if size <= DENSE_LIMIT:
+        return find_lowest_dense(stiffness, neutral)
+    return find_lowest_sparse(stiffness, neutral)
+
+
+def find_lowest_dense(stiffness: Any, neutral: FloatArray) -> tuple[float, FloatArray]:
+    """Return the smallest eigenvalue [N/m] and unit eigenvector orthogonal to the columns of `neutral`."""
+    matrix = np.asarray(stiffness.toarray())
+    complement = np.eye(len(matrix))
+    if neutral.shape[1]:
+        full, _ = np.linalg.qr(neutral, mode="complete")
+        complement = full[:, neutral.shape[1] :]
+    reduced = complement.T @ matrix @ complement
+    value, vector = np.linalg.eigh((reduced + reduced.T) / 2)
+    return float(value[0]), complement @ vector[:, 0]
+
+
+def find_lowest_sparse(stiffness: Any, neutral: FloatArray) -> tuple[float, FloatArray]:
+    """Return the smallest eigenvalue [N/m] and unit eigenvector orthogonal to the columns of `neutral`.
+
+    Lanczos iterations on P (K + shift I)^-1 P, with P the projector off `neutral` and a shift that makes
+    the matrix positive definite: the largest eigenvalue nu there is lambda = 1/nu - shift.
+    """
+    matrix = scipy.sparse.csc_array(stiffness)
+    size = matrix.shape[0]
+    shift = 10 * SINGULAR_TOLERANCE * float(abs(matrix).sum(axis=0).max(initial=0.0))
+    if shift == 0.0:
+        return 0.0, np.zeros(size)
+    solve = _factorise_shifted(matrix, shift)
+    inverse = scipy.sparse.linalg.LinearOperator(
+        (size, size), matvec=lambda v: _project(solve(_project(np.ravel(v), neutral)), neutral), dtype=float
+    )
+    start = _project(np.random.default_rng(0).normal(size=size), neutral)
+    _, vectors = scipy.sparse.linalg.eigsh(inverse, k=1, which="LA", v0=start, tol=1e-6)
+    vector = _project(vectors[:, 0], neutral)
+    vector /= np.linalg.norm(vector)
+    return float(vector @ (matrix @ vector)), vector
+
+
+def _factorise_shifted(matrix: Any, shift: float) -> Solve:
+    """Return the solution with matrix + s I, with s of shift, 10 shift, ... the first that is enough."""
+    factoriser, eye = Factoriser(), scipy.sparse.eye_array(matrix.shape[0], format="csc")
+    while (solve := factoriser.factorise(matrix + shift * eye)) is None:
+        shift *= 10
+    return solve
+
+
+def _project(vector: FloatArray, neutral: FloatArray) -> FloatArray:
+    """Take the part along the columns of `neutral` out of a vector."""
+    projected: FloatArray = vector - neutral @ (neutral.T @ vector)
+    return projected

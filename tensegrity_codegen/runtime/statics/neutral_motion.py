@@ -39,50 +39,50 @@ class NeutralMotions:
         if not len(self.twist):
             slides, turns = np.zeros((0, 3)), np.zeros((0, 3))
         else:
-            left, size, right = np.linalg.svd(self.twist[:, :3])
+            rotation, size, right = np.linalg.svd(self.twist[:, :3])
             rank = int((size > RANK_TOLERANCE).sum())
-            turns, slides = right[:rank], (left.T @ self.twist[:, 3:])[rank:]
-        words = [f"slide along {name}" for name in _name_directions(slides)]
-        words += [f"turn about {name}" for name in _name_directions(turns)]
-        return (*words, *("mechanism" for _ in range(self.mechanism.shape[2])))
+            turns, slides = right[:rank], (rotation.T @ self.twist[:, 3:])[rank:]
+        names = [f"slide along {name}" for name in _name_directions(slides)]
+        names += [f"turn about {name}" for name in _name_directions(turns)]
+        return (*names, *("mechanism" for _ in range(self.mechanism.shape[2])))
 
-    def distance(self, start: FloatArray, found: FloatArray) -> FloatArray:
+    def distance(self, start: FloatArray, end: FloatArray) -> FloatArray:
         """Return how far nodes are from the start moved along these motions, (n_nodes,) [m]."""
-        best = found - self._fit(start, found)
+        remaining = end - self._fit(start, end)
         if self.mechanism.shape[2]:
             fields = self.mechanism.reshape(-1, self.mechanism.shape[2])
-            part = np.linalg.lstsq(fields, best.ravel(), rcond=None)[0]
-            best = best - (fields @ part).reshape(best.shape)
-        distance: FloatArray = np.linalg.norm(best, axis=1)
+            rates = np.linalg.lstsq(fields, remaining.ravel(), rcond=None)[0]
+            remaining = remaining - (fields @ rates).reshape(remaining.shape)
+        distance: FloatArray = np.linalg.norm(remaining, axis=1)
         return distance
 
-    def _fit(self, start: FloatArray, found: FloatArray) -> FloatArray:
+    def _fit(self, start: FloatArray, end: FloatArray) -> FloatArray:
         """Return the start moved as one rigid body along the neutral motions, nearest to what was found."""
         if not len(self.twist):
             return start
         # Combined so that turns are apart from slides: a slide with a tiny turn would be carried far away.
-        left, _, _ = np.linalg.svd(self.twist[:, :3])
+        rotation, _, _ = np.linalg.svd(self.twist[:, :3])
         begins = [np.zeros(6)]
-        for row in left.T @ self.twist:
+        for row in rotation.T @ self.twist:
             turn = float(np.linalg.norm(row[:3]))
             if turn > RANK_TOLERANCE:
                 begins += [row * (START_TURN / turn), -row * (START_TURN / turn)]
-        ends = [self._fit_from(_carry(start, twist, self.centre), found) for twist in begins]
-        return min(ends, key=lambda place: float(np.linalg.norm(found - place)))
+        ends = [self._fit_from(_carry(start, twist, self.centre), end) for twist in begins]
+        return min(ends, key=lambda candidate: float(np.linalg.norm(end - candidate)))
 
-    def _fit_from(self, place: FloatArray, found: FloatArray) -> FloatArray:
+    def _fit_from(self, position: FloatArray, end: FloatArray) -> FloatArray:
         for _ in range(MOST_FITS):
-            fields = _fields(self.twist, place - self.centre)
-            part = np.linalg.lstsq(fields, (found - place).ravel(), rcond=None)[0]
-            twist = part @ self.twist
+            fields = _fields(self.twist, position - self.centre)
+            rates = np.linalg.lstsq(fields, (end - position).ravel(), rcond=None)[0]
+            twist = rates @ self.twist
             turn = float(np.linalg.norm(twist[:3]))
             twist *= min(1.0, LARGEST_TURN / turn) if turn else 1.0
-            moved = _carry(place, twist, self.centre)
-            step = float(np.abs(moved - place).max())
-            place = moved
-            if step <= 1e-14 * float(np.abs(found - self.centre).max()):
+            moved = _carry(position, twist, self.centre)
+            step = float(np.abs(moved - position).max())
+            position = moved
+            if step <= 1e-14 * float(np.abs(end - self.centre).max()):
                 break
-        return place
+        return position
 
 
 def find_neutral(problem: StaticProblem, coordinate: FloatArray, stability: Stability) -> NeutralMotions:
@@ -90,8 +90,10 @@ def find_neutral(problem: StaticProblem, coordinate: FloatArray, stability: Stab
     position = problem.node_position(coordinate)
     centre = position.mean(axis=0)
     rigid = problem.node_velocities(coordinate, stability.neutral)
-    whole = _fields(np.eye(6), position - centre)
-    twist: FloatArray = np.array(np.linalg.lstsq(whole, rigid.reshape(len(whole), -1), rcond=None)[0].T)
+    rigid_fields = _fields(np.eye(6), position - centre)
+    twist: FloatArray = np.array(
+        np.linalg.lstsq(rigid_fields, rigid.reshape(len(rigid_fields), -1), rcond=None)[0].T
+    )
     loose = _find_mechanisms(problem, coordinate, stability)
     return NeutralMotions(centre, twist, problem.node_velocities(coordinate, loose))
 
@@ -104,11 +106,13 @@ def _find_mechanisms(problem: StaticProblem, coordinate: FloatArray, stability: 
     if size > DENSE_LIMIT:
         return stability.direction[:, None]
     stiffness = np.asarray(problem.stiffness(coordinate).toarray())
-    known = stability.neutral
-    basis = np.linalg.qr(known, mode="complete")[0][:, known.shape[1] :] if known.shape[1] else np.eye(size)
+    neutral = stability.neutral
+    basis = (
+        np.linalg.qr(neutral, mode="complete")[0][:, neutral.shape[1] :] if neutral.shape[1] else np.eye(size)
+    )
     values, vectors = np.linalg.eigh(basis.T @ (stiffness + stiffness.T) @ basis / 2)
-    found: FloatArray = basis @ vectors[:, np.abs(values) <= stability.rounding]
-    return found
+    mechanisms: FloatArray = basis @ vectors[:, np.abs(values) <= stability.rounding]
+    return mechanisms
 
 
 def _fields(twist: FloatArray, local: FloatArray) -> FloatArray:
@@ -117,14 +121,14 @@ def _fields(twist: FloatArray, local: FloatArray) -> FloatArray:
     return np.array(rows).T
 
 
-def _carry(place: FloatArray, twist: FloatArray, centre: FloatArray) -> FloatArray:
+def _carry(position: FloatArray, twist: FloatArray, centre: FloatArray) -> FloatArray:
     """Return points (n, 3) after a unit of time along a constant twist about `centre`."""
     x, y, z = twist[:3]
     generator = np.zeros((4, 4))
     generator[:3, :3] = [[0, -z, y], [z, 0, -x], [-y, x, 0]]
     generator[:3, 3] = twist[3:]
     moved = scipy.linalg.expm(generator)
-    carried: FloatArray = (place - centre) @ moved[:3, :3].T + moved[:3, 3] + centre
+    carried: FloatArray = (position - centre) @ moved[:3, :3].T + moved[:3, 3] + centre
     return carried
 
 
@@ -134,13 +138,13 @@ def _name_directions(rows: FloatArray) -> list[str]:
         return []
     _, size, right = np.linalg.svd(rows)
     basis = right[: int((size > RANK_TOLERANCE).sum())]
-    names, left = [], basis.T @ basis
+    names, projector = [], basis.T @ basis
     for axis in range(3):
         unit = np.eye(3)[axis]
-        if np.linalg.norm(left @ unit - unit) <= AXIS_ANGLE_TOLERANCE:
+        if np.linalg.norm(projector @ unit - unit) <= AXIS_ANGLE_TOLERANCE:
             names.append("xyz"[axis])
-            left = left - np.outer(unit, unit)
-    values, vectors = np.linalg.eigh(left)
+            projector = projector - np.outer(unit, unit)
+    values, vectors = np.linalg.eigh(projector)
     for vector in vectors.T[values > 0.5]:
         names.append(
             "({:.3g}, {:.3g}, {:.3g})".format(*(vector * np.sign(vector[np.abs(vector).argmax()]) + 0.0))

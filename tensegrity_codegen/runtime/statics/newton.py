@@ -1,9 +1,15 @@
-"""Minimum of the potential energy by Newton's method with damping of single members.
+"""Minimum of the potential energy by Newton's method with damping of single members, and by relaxation.
 
-Each step solves (K* + damping) s = f, see `damping` and `stiff_members`. Where the residual vanishes and
-the energy still curves down, the search leaves the saddle along the lowest eigenvector, so that it ends in
-minima. Savings too small to show in the energy, through rounding, are taken from the forces instead: half
-the sum of residuals at both ends times the step.
+Each step of Newton's method solves (K* + damping) s = f, see `damping` and `stiff_members`. Where the
+residual vanishes and the energy still curves down, the search leaves the saddle along the lowest eigenvector.
+Savings too small to show in the energy, through rounding, are taken from the forces instead: half the sum of
+residuals at both ends times the step.
+
+Dynamic relaxation is slow, and hard to lead astray. The structure moves from rest with fictitious masses;
+whenever its kinetic energy peaks it is stopped, a little way back (M. R. Barnes, "Form finding and analysis
+of tension structures by dynamic relaxation", Int. J. Space Structures 14, 1999). With a time step of 1,
+masses of 0.6 times the row sums of |K| keep the integration stable, by Gershgorin's bound, with a margin for
+stiffness that grows meanwhile.
 """
 
 from collections.abc import Callable
@@ -12,16 +18,16 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.runtime.statics.curvature import find_lowest_curvature
 from tensegrity_codegen.runtime.statics.damping import MOST_TURN, MemberDamping, find_turn
-from tensegrity_codegen.runtime.statics.rigid_motion import find_neutral_motions
-from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
+from tensegrity_codegen.runtime.statics.factors import find_lowest_curvature
+from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem, find_neutral_motions
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 from tensegrity_codegen.system.progress import SETTLING, describe_pass
 
 Progress = Callable[[int, float], None]
 
+FOUND = ("converged", "rounding_limited")  # status of searches that end in an equilibrium
 ENERGY_DIGITS = 1e-11  # of the energy's scale: smaller savings are judged by the forces
 MOST_ATTEMPTS = 40  # steps with more and more damping from one configuration
 LEAST_SAVING = 0.1  # of the energy that the damped model says a step saves
@@ -29,7 +35,11 @@ MAX_STALLED_ITERATIONS = 6  # iterations without a better residual once rounding
 MOST_ESCAPES = 20
 MIN_STEP_RATIO = 1e-15  # times the structure's size: no step is shorter
 MOST_WORK = 3e7  # factorisations times coordinates; some minutes on one core
-MAX_MOTION_RATIO = 1e5  # times the structure's size: beyond, the motion counts as unbounded
+# Times the structure's size, in relaxation the longest member: beyond, the motion counts as unbounded.
+MAX_MOTION_RATIO = 1e5
+MASS_FACTOR = 0.6
+REFRESH = 25  # steps between two looks at the stiffness
+MOST_RETREATS = 30
 
 
 @dataclass(frozen=True)
@@ -76,10 +86,7 @@ class Outcome:
 
 
 def find_idle_motions(problem: StaticProblem, point: Point, stiffness: Any) -> tuple[FloatArray, float]:
-    """Return the neutral rigid motions, (n_directions, k), and what may count as no stiffness of them [N/m].
-
-    Forces that are not in balance change where they turn with the structure.
-    """
+    """Return the neutral rigid motions, (n_directions, k), and the bound of stiffness that is none [N/m]."""
     position = problem.node_position(point.coordinate)
     spread = float(np.linalg.norm(position - position.mean(axis=0)))
     turned = 10 * float(np.linalg.norm(point.residual)) / max(spread, 1e-300)
@@ -123,9 +130,9 @@ def find_minimum(
             progress(iteration, search.point.node_force)
         ended = search.find_overwork() or search.advance(tolerance)
         if ended is not None:
-            known = search.stability if search.stable_point is search.best else None
+            stability = search.stability if search.stable_point is search.best else None
             point = problem.state_tensions(search.best, tolerance)
-            return Outcome(ended[0], point, iteration, ended[1], search.escapes, known)
+            return Outcome(ended[0], point, iteration, ended[1], search.escapes, stability)
     message = "no convergence within the allowed iterations"
     return Outcome("iteration_limit", search.best, max_iterations, message, search.escapes)
 
@@ -212,8 +219,8 @@ class _Search:
             if -stability.smallest_eigenvalue * length**2 / 2 < 1e-14 * here.energy_scale:
                 break
             ways = (length * stability.direction, -length * stability.direction)
-            found = [self.problem.find_displaced_point(here.coordinate, way) for way in ways]
-            lower = [p for p in found if p is not None and p.energy < here.energy]
+            trials = [self.problem.find_displaced_point(here.coordinate, way) for way in ways]
+            lower = [p for p in trials if p is not None and p.energy < here.energy]
             if lower:
                 self.point = self.best = min(lower, key=lambda p: p.energy)
                 self.waited = 0
@@ -237,17 +244,17 @@ class _Search:
                 return False
             trial = problem.find_displaced_point(point.coordinate, step)
             moved = (difference @ step).reshape(-1, 3)
-            there = None if trial is None else damping.locate(trial)
-            turn = find_turn(moved, here, there)
-            if trial is None or there is None or turn.max(initial=0.0) > MOST_TURN:
+            end = None if trial is None else damping.locate(trial)
+            turn = find_turn(moved, here, end)
+            if trial is None or end is None or turn.max(initial=0.0) > MOST_TURN:
                 damping.hold(turn, here)
                 continue
             damped, predicted = float(force @ step) / 2, float(force @ step - step @ (path @ step) / 2)
             by_force = predicted <= ENERGY_DIGITS * point.energy_scale
             saved = self._saving(trial, by_force=by_force)
-            need = damping.find_need(moved, here, there, problem.kept_strands)
+            need = damping.find_need(moved, here, end, problem.kept_strands)
             if saved < 0.5 * damped and not by_force:
-                pull = damping.find_lengthening(moved, here, there)
+                pull = damping.find_lengthening(moved, here, end)
                 correction = solve(np.asarray(difference.T @ pull.ravel()))
                 better = problem.find_displaced_point(point.coordinate, step - correction)
                 if better is not None and better.energy < trial.energy:
@@ -279,11 +286,7 @@ class _Search:
 
 
 def follow_residual(also: Progress | None) -> Progress:
-    """Return the progress function of a search, which says at which iteration it is, and how far off.
-
-    also: called with the iteration and the largest node residual [N]. Returns to be called with the iteration
-    and the largest node residual [N].
-    """
+    """Return progress(iteration, largest node residual [N]), which describes the pass and calls `also`."""
 
     def progress(iteration: int, residual: float) -> None:
         if also is not None:
@@ -291,3 +294,108 @@ def follow_residual(also: Progress | None) -> Progress:
         describe_pass(f"{SETTLING}: iteration {iteration:,}, residual {residual:.3g} N")
 
     return progress
+
+
+def find_relaxed(
+    problem: StaticProblem,
+    start: Point,
+    *,
+    tolerance: float,
+    max_iterations: int,
+    progress: Progress | None = None,
+) -> Outcome:
+    """Return the end of dynamic relaxation: "converged", "unbounded", "stalled", "iteration_limit"."""
+    motion = _Motion(problem, start)
+    for iteration in range(max_iterations):
+        if iteration % REFRESH == 0:
+            if progress is not None:
+                progress(iteration, motion.point.node_force)
+            ended = motion.look(tolerance)
+            if ended is not None:
+                return Outcome(ended[0], motion.point, iteration, ended[1])
+        motion.step()
+    motion.look(tolerance)
+    return Outcome(
+        "iteration_limit", motion.point, max_iterations, "no convergence within the allowed iterations"
+    )
+
+
+class _Motion:
+    """A structure in fictitious motion; `point` is the last configuration that was looked at."""
+
+    def __init__(self, problem: StaticProblem, start: Point) -> None:
+        self.problem, self.start, self.point = problem, start, start
+        self.mass = np.zeros(problem.size)
+        self.margin = 1.0
+        self.retreats = 0
+        self.coordinate: FloatArray = start.coordinate
+        self.velocity: FloatArray = np.zeros(problem.size)
+        self.residual: FloatArray = start.residual
+        self.kinetic = 0.0
+        self._rest_at(start.coordinate, start.residual)
+
+    def look(self, tolerance: float) -> tuple[str, str] | None:
+        """Refresh masses from the stiffness; return status and message where the motion is over."""
+        point = self.problem.find_point(self.coordinate)
+        if point is None or not self._refresh_mass(point):
+            return self._retreat()
+        if point.node_force > 1e3 * (self.start.node_force + self.start.largest_force):
+            return self._retreat()
+        self.point = point
+        floor = self.problem.rounding_floor(self.problem.stiffness(point.coordinate), point)
+        if point.is_balanced(tolerance, floor):
+            return "converged", ""
+        moved = np.abs(point.coordinate - self.start.coordinate).max(initial=0.0)
+        if moved > MAX_MOTION_RATIO * self.start.longest:
+            return "unbounded", "the loads move the structure without bound"
+        return None
+
+    def step(self) -> None:
+        """Advance by one unit of fictitious time; stop and go back where the kinetic energy has peaked."""
+        moved = self.problem.move_coordinate(self.coordinate, self.velocity + self.residual / self.mass)
+        residual = None if moved is None else self.problem.find_residual(moved[0])
+        if moved is None or residual is None:
+            self._retreat()
+            return
+        coordinate, self.velocity = moved
+        kinetic = float(self.mass @ self.velocity**2)
+        if kinetic < self.kinetic:
+            back = self.problem.move_coordinate(
+                coordinate, -1.5 * self.velocity + 0.5 * self.residual / self.mass
+            )
+            stop = coordinate if back is None else back[0]
+            self._rest_at(stop, self.problem.find_residual(stop))
+            return
+        self.coordinate, self.residual, self.kinetic = coordinate, residual, kinetic
+
+    def _rest_at(self, coordinate: FloatArray, residual: FloatArray | None) -> None:
+        """Stop; the first step from rest is half a step."""
+        if residual is None:
+            coordinate, residual = self.point.coordinate, self.point.residual
+        self.coordinate, self.residual, self.kinetic = coordinate, residual, 0.0
+        self.velocity = -0.5 * residual / self.mass if self.mass.any() else np.zeros_like(residual)
+
+    def _refresh_mass(self, point: Point) -> bool:
+        """Raise the masses to the present stiffness; massless coordinates get the largest mass."""
+        try:
+            rows = self.problem.row_stiffness(point.coordinate)
+        except NonFiniteError:
+            return False
+        mass = self.margin * MASS_FACTOR * rows
+        largest = float(mass.max(initial=0.0)) or float(np.abs(point.residual).max(initial=0.0)) or 1.0
+        mass = np.where(mass > 1e-9 * largest, mass, largest)
+        grown = np.maximum(self.mass, mass)
+        if np.any(grown > 1.5 * self.mass):
+            self.mass = grown
+            self._rest_at(point.coordinate, point.residual)
+        return True
+
+    def _retreat(self) -> tuple[str, str] | None:
+        """Go back to the last sound point with four times the masses."""
+        self.retreats += 1
+        self.margin *= 4
+        self.mass = self.mass * 4
+        self._rest_at(self.point.coordinate, self.point.residual)
+        if self.retreats > MOST_RETREATS:
+            return "stalled", "the fictitious motion is unstable"
+        return None

@@ -17,6 +17,7 @@ import scipy
 from tensegrity_codegen.runtime.contacts.contacts import Contacts
 from tensegrity_codegen.runtime.contacts.judge_stand import judge_stand
 from tensegrity_codegen.runtime.statics.newton import (
+    FOUND,
     Outcome,
     find_idle_motions,
     find_minimum,
@@ -68,10 +69,10 @@ class Feet:
 
     def as_evidence(self) -> dict[str, Any]:
         """Return state, force and penetration by node, and the steps of the load, JSON-ready."""
-        parts = zip(self.state, self.force.tolist(), self.penetration.tolist(), strict=True)
+        values = zip(self.state, self.force.tolist(), self.penetration.tolist(), strict=True)
         keys = ("state", "force", "penetration")
         feet = {
-            name: dict(zip(keys, part, strict=True)) for name, part in zip(self.node_name, parts, strict=True)
+            name: dict(zip(keys, row, strict=True)) for name, row in zip(self.node_name, values, strict=True)
         }
         return {"feet": feet, "load_steps": self.load_steps, "load_step_change": self.change}
 
@@ -84,8 +85,7 @@ def find_on_ground(
     start: (n_coordinates,). search: finds the minimum of an energy from a point. The state of the contacts
     is left in `problem.contacts`.
     """
-    contacts = problem.contacts
-    assert contacts is not None
+    contacts = problem.ground_contacts
     held = _is_held(problem, contacts.ground.normal)
     if contacts.friction and contacts.slide is not None and _is_held(problem, contacts.ground.velocity):
         contacts.dragged = contacts.slide
@@ -100,26 +100,25 @@ def find_on_ground(
 
 def _judge(problem: StaticProblem, begun: FloatArray, outcome: Outcome) -> Outcome:
     """Return the outcome with the reason for which a free structure does not stand where it began."""
-    contacts = problem.contacts
-    assert contacts is not None
+    contacts = problem.ground_contacts
     before, after = problem.node_position(begun), problem.node_position(outcome.point.coordinate)
     structure, mu = contacts.structure, contacts.ground.friction if contacts.friction else 0.0
     tilt = find_tilt(before, after, contacts.ground.normal)
     if tilt > MOST_TILT:
         touching = zip(structure.contact_name, contacts.depth(after), strict=True)
         feet = ", ".join(name for name, depth in touching if depth > 0)
-        onto = f" onto {feet}" if outcome.status in ("converged", "rounding_limited") and feet else ""
+        onto = f" onto {feet}" if outcome.status in FOUND and feet else ""
         message = f"tips over: it turns by {np.degrees(tilt):.3g} degrees{onto} before it rests"
         return replace(outcome, status="tips", message=message)
-    if outcome.status in ("converged", "rounding_limited"):
+    if outcome.status in FOUND:
         if contacts.friction and contacts.slide is not None and not outcome.message:
             return replace(outcome, message="at rest on the belt, which carries it along")
         return outcome
     if outcome.status in OUT_OF_ITERATIONS:
         return outcome  # where a search has come to says nothing of where it would end
     pressed = contacts.forces(after)
-    for place, force in ((after, pressed if pressed.any() else None), (before, None)):
-        verdict = judge_stand(structure, place, contacts.external, force=force, friction=mu)
+    for position, force in ((after, pressed if pressed.any() else None), (before, None)):
+        verdict = judge_stand(structure, position, contacts.external, force=force, friction=mu)
         if verdict.verdict in ("slides", "tips", "lifts_off", "one_foot", "on_a_line"):
             status = verdict.verdict if verdict.verdict in ("slides", "lifts_off") else "tips"
             slip = ", ".join(verdict.foot)
@@ -132,30 +131,46 @@ def _judge(problem: StaticProblem, begun: FloatArray, outcome: Outcome) -> Outco
 def continue_on_ground(
     problem: StaticProblem, start: FloatArray, search: Search | None, *, tolerance: float
 ) -> Outcome:
-    """Return the next equilibrium from there; contacts go on from `problem.contacts`.
-
-    search: for a minimum where Newton's method alone finds nothing; None to do without, in short steps.
-    """
-    assert problem.contacts is not None
-    held = _is_held(problem, problem.contacts.ground.normal)
+    """Return the next equilibrium, its contacts going on; search: None for Newton's method alone."""
+    held = _is_held(problem, problem.ground_contacts.ground.normal)
     outcome = _Loading(problem, start, search, held=held, tolerance=tolerance).take_step()
     return outcome if held else _judge(problem, start, outcome)
 
 
+def step_on_ground(
+    problem: StaticProblem,
+    coordinate: FloatArray,
+    position: FloatArray,
+    feet: Feet,
+    *,
+    tolerance: float,
+    max_iterations: int,
+) -> Outcome:
+    """Return the next equilibrium after that of `feet`; max_iterations: of searches for a minimum, or 0."""
+    contacts = problem.ground_contacts
+    contacts.begin(position, feet.internal if contacts.friction else None)
+    start = problem.to_search_coordinate(coordinate)
+    problem.watch_stiff_members(start)
+
+    def search(point: Point) -> Outcome:
+        return find_minimum(problem, point, tolerance=tolerance, max_iterations=max_iterations)
+
+    return continue_on_ground(problem, start, search if max_iterations else None, tolerance=tolerance)
+
+
 def describe_feet(problem: StaticProblem, coordinate: FloatArray) -> Feet:
     """Return the contacts at an equilibrium; contacts and bristles are those of `problem.contacts`."""
-    contacts = problem.contacts
-    assert contacts is not None
+    contacts = problem.ground_contacts
     position = problem.node_position(coordinate)
     depth = contacts.depth(position)
     slips = np.zeros(len(depth), dtype=bool)
     if contacts.friction and contacts.start is not None:
         slips = contacts.bristles(position)[1]
-    words = np.where(slips, "slip", "stick" if contacts.friction else "slide")
+    states_when_closed = np.where(slips, "slip", "stick" if contacts.friction else "slide")
     state = contacts.state(position).get("internal", np.zeros(0))
     return Feet(
         node_name=contacts.structure.contact_name,
-        state=tuple(np.where(depth > 0, words, "open").tolist()),
+        state=tuple(np.where(depth > 0, states_when_closed, "open").tolist()),
         force=contacts.forces(position),
         penetration=depth,
         internal=state,
@@ -166,8 +181,8 @@ def describe_feet(problem: StaticProblem, coordinate: FloatArray) -> Feet:
 
 def find_tilt(before: FloatArray, after: FloatArray, normal: FloatArray) -> float:
     """Return the angle by which the nodes (n, 3) have turned out of the plane [rad], by their best fit."""
-    left = (before - before.mean(axis=0)).T @ (after - after.mean(axis=0))
-    u, _, vt = np.linalg.svd(left)
+    covariance = (before - before.mean(axis=0)).T @ (after - after.mean(axis=0))
+    u, _, vt = np.linalg.svd(covariance)
     turn = vt.T @ np.diag([1.0, 1.0, np.sign(np.linalg.det(vt.T @ u.T))]) @ u.T
     return float(np.arccos(np.clip(normal @ turn @ normal, -1.0, 1.0)))
 
@@ -200,8 +215,7 @@ def _find_point(problem: StaticProblem, coordinate: FloatArray) -> Point:
 
 def _let_down(problem: StaticProblem, start: FloatArray, *, settle: bool, tolerance: float) -> FloatArray:
     """Return coordinates at which the structure just touches, in the shape that its prestress gives it."""
-    contacts = problem.contacts
-    assert contacts is not None
+    contacts = problem.ground_contacts
     up = contacts.ground.normal[problem.axis]
     position = problem.node_position(start)
     if settle:
@@ -210,7 +224,7 @@ def _let_down(problem: StaticProblem, start: FloatArray, *, settle: bool, tolera
         contacts.load_factor = 0.0
         problem.forget()
         outcome = find_minimum(problem, _find_point(problem, lifted), tolerance=tolerance, max_iterations=500)
-        if outcome.status in ("converged", "rounding_limited"):
+        if outcome.status in FOUND:
             start = outcome.point.coordinate
         contacts.load_factor = 1.0
         problem.forget()
@@ -220,8 +234,7 @@ def _let_down(problem: StaticProblem, start: FloatArray, *, settle: bool, tolera
 
 def _press_in(problem: StaticProblem, touching: FloatArray, held: bool) -> FloatArray:
     """Return coordinates with the depth at which one foot of those that touch carries a third of it all."""
-    contacts = problem.contacts
-    assert contacts is not None
+    contacts = problem.ground_contacts
     if held:
         return touching
     press = -contacts.load_factor * float(contacts.external.sum(axis=0) @ contacts.ground.normal)
@@ -241,8 +254,7 @@ class _Loading:
         held: bool,
         tolerance: float,
     ) -> None:
-        assert problem.contacts is not None
-        self.problem, self.contacts, self.search = problem, problem.contacts, search
+        self.problem, self.contacts, self.search = problem, problem.ground_contacts, search
         self.touching, self.held = touching, held
         self.tolerance = tolerance
         self.size = float(np.ptp(problem.node_position(touching), axis=0).max())
@@ -253,26 +265,26 @@ class _Loading:
 
     def refine(self) -> Outcome:
         """Return the equilibrium with so many steps of the load that twice as many do not change it."""
-        last: Point | None = None
+        coarser: Point | None = None
         count = FIRST_STEPS
         while True:
-            found = self._grow(count)
-            if found is None:
+            equilibrium = self._grow(count)
+            if equilibrium is None:
                 return self._fail()
             self.contacts.load_steps = count
-            if last is not None:
-                moved = found.coordinate - last.coordinate
+            if coarser is not None:
+                moved = equilibrium.coordinate - coarser.coordinate
                 self.contacts.change = self.problem.largest_node_norm(moved)
                 if self.contacts.change <= SETTLED * self.size or count >= MOST_STEPS:
                     break
-            last, count = found, 2 * count
+            coarser, count = equilibrium, 2 * count
         message = ""
         if self.contacts.change > SETTLED * self.size:
             message = (
                 f"feet slip, and friction depends on the way: nodes moved by {self.contacts.change:.2g} m "
                 f"as the steps of the load were doubled to {count}"
             )
-        return self._conclude(found, message)
+        return self._conclude(equilibrium, message)
 
     def find_frictionless(self) -> Outcome:
         """Return the minimum of the energy without friction, its forces balanced to rounding."""
@@ -286,11 +298,11 @@ class _Loading:
     def take_step(self) -> Outcome:
         """Return the equilibrium under the whole load, in one step from where the contacts are."""
         self.last = _find_point(self.problem, self.touching)
-        found = self._balance(self.touching)
-        if found is None:
+        equilibrium = self._balance(self.touching)
+        if equilibrium is None:
             self._explain(None, 1.0)
             return self._fail()
-        return self._conclude(found, "")
+        return self._conclude(equilibrium, "")
 
     def _fail(self) -> Outcome:
         """Return the outcome of a way that ended early: for a reason, or since a search ran out of steps."""
@@ -298,39 +310,39 @@ class _Loading:
             return Outcome(self.ran_out.status, self.last, self.iterations, self.ran_out.message)
         return Outcome(self.status, self.last, self.iterations, self.message)
 
-    def _conclude(self, found: Point, message: str) -> Outcome:
-        stability = find_stability(self.problem, found)
+    def _conclude(self, equilibrium: Point, message: str) -> Outcome:
+        stability = find_stability(self.problem, equilibrium)
         if stability.is_unstable:
             message = "an unstable equilibrium (a saddle of the energy)"
-            return Outcome("unstable", found, self.iterations, message, stability=stability)
-        floor = self.problem.rounding_floor(self.problem.stiffness(found.coordinate), found)
-        if not found.is_balanced(self.tolerance, floor):
-            left = "rounding error keeps the residual above the tolerance"
-            message = "; ".join(filter(None, (left, message)))
-            return Outcome("rounding_limited", found, self.iterations, message, stability=stability)
-        return Outcome("converged", found, self.iterations, message, stability=stability)
+            return Outcome("unstable", equilibrium, self.iterations, message, stability=stability)
+        floor = self.problem.rounding_floor(self.problem.stiffness(equilibrium.coordinate), equilibrium)
+        if not equilibrium.is_balanced(self.tolerance, floor):
+            reason = "rounding error keeps the residual above the tolerance"
+            message = "; ".join(filter(None, (reason, message)))
+            return Outcome("rounding_limited", equilibrium, self.iterations, message, stability=stability)
+        return Outcome("converged", equilibrium, self.iterations, message, stability=stability)
 
     def _grow(self, count: int) -> Point | None:
         """Return the equilibrium under the whole load after `count` steps, None where the way ends."""
         problem, contacts = self.problem, self.contacts
         contacts.begin(problem.node_position(self.touching))
         self.last = _find_point(problem, self.touching)
-        reached, part, here = 0.0, 1.0 / count, self.touching
+        reached, step, here = 0.0, 1.0 / count, self.touching
         while reached < 1.0:
-            contacts.load_factor = min(1.0, reached + part)
+            contacts.load_factor = min(1.0, reached + step)
             problem.forget()
             start = here if reached else _press_in(problem, here, self.held)
-            found = self._balance(start)
-            if found is None and not self.is_hopeless and (part := part / 2) >= LEAST_PART / count:
+            equilibrium = self._balance(start)
+            if equilibrium is None and not self.is_hopeless and (step := step / 2) >= LEAST_PART / count:
                 continue
-            if found is None or not self._is_upright(found):
-                self._explain(found, reached)
+            if equilibrium is None or not self._is_upright(equilibrium):
+                self._explain(equilibrium, reached)
                 return None
-            self.last, here, reached = found, found.coordinate, contacts.load_factor
+            self.last, here, reached = equilibrium, equilibrium.coordinate, contacts.load_factor
             if reached < 1.0:
                 position = problem.node_position(here)
                 contacts.begin(position, contacts.bristles(position)[0])
-                part = 1.0 / count
+                step = 1.0 / count
         return self.last
 
     @cached_property
@@ -339,8 +351,8 @@ class _Loading:
         if self.held:
             return False
         position = self.problem.node_position(self.touching)
-        found = judge_stand(self.contacts.structure, position, self.contacts.external)
-        return found.verdict in ("tips", "slides")
+        stand = judge_stand(self.contacts.structure, position, self.contacts.external)
+        return stand.verdict in ("tips", "slides")
 
     def _is_upright(self, point: Point) -> bool:
         if self.held:
@@ -348,7 +360,7 @@ class _Loading:
         before, after = (self.problem.node_position(q) for q in (self.touching, point.coordinate))
         return find_tilt(before, after, self.contacts.ground.normal) <= MOST_TILT
 
-    def _explain(self, found: Point | None, reached: float) -> None:
+    def _explain(self, equilibrium: Point | None, reached: float) -> None:
         """Take the reason for which the way ends: it has tipped, or no balance was found."""
         slips = ", ".join(
             name
@@ -356,16 +368,16 @@ class _Loading:
             if slips
         )
         feet = f": feet {slips} slip" if slips else ""
-        self.status = "tips" if found is not None else "slides" if slips else "no_equilibrium"
-        what = "it turns over" if found is not None else "no balance of forces"
-        self.message = f"{what} beyond {reached:.3g} of weights and loads{feet}"
+        self.status = "tips" if equilibrium is not None else "slides" if slips else "no_equilibrium"
+        event = "it turns over" if equilibrium is not None else "no balance of forces"
+        self.message = f"{event} beyond {reached:.3g} of weights and loads{feet}"
         self.contacts.load_factor = 1.0
         self.problem.forget()
 
     def _balance(self, start: FloatArray) -> Point | None:
         """Return the equilibrium with limited friction near `start`, from one with friction that holds."""
-        found = self._solve(start)
-        if found is None and self.search is not None:
+        equilibrium = self._solve(start)
+        if equilibrium is None and self.search is not None:
             self.contacts.limited = self.contacts.dragged is not None
             self.problem.forget()
             stuck = self.search(_find_point(self.problem, start))
@@ -374,16 +386,15 @@ class _Loading:
             self.problem.forget()
             if self._is_upright(stuck.point):
                 slid = self._slide(stuck.point.coordinate, self.search)
-                found = self._solve(slid) if np.abs(slid - start).max() <= FARTHEST * self.size else None
-            if found is None:
+                equilibrium = (
+                    self._solve(slid) if np.abs(slid - start).max() <= FARTHEST * self.size else None
+                )
+            if equilibrium is None:
                 self.slips = self.contacts.bristles(self.problem.node_position(stuck.point.coordinate))[1]
-        return found
+        return equilibrium
 
     def _slide(self, coordinate: FloatArray, search: Search) -> FloatArray:
-        """Return where feet slide with constant limits of friction, which are brought up to date twice.
-
-        Friction then has an energy, whose minimum is found where Newton's method alone fails.
-        """
+        """Return where feet slide with constant limits of friction, an energy, updated a few times."""
         contacts = self.contacts
         contacts.limited = True
         for _ in range(MOST_UPDATES if contacts.dragged is None and contacts.friction else 0):
@@ -392,7 +403,7 @@ class _Loading:
             self.problem.forget()
             slid = search(_find_point(self.problem, coordinate))
             self.iterations += slid.iterations
-            if slid.status not in ("converged", "rounding_limited") or not self._is_upright(slid.point):
+            if slid.status not in FOUND or not self._is_upright(slid.point):
                 break
             coordinate = slid.point.coordinate
         contacts.limit = None

@@ -17,12 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.runtime.statics.newton import Outcome
+from tensegrity_codegen.runtime.statics.newton import FOUND, Outcome
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.manifest import SLID_END
 
-FOUND = ("converged", "rounding_limited")
 ACCURACY = 2e-11  # of the largest tension: how near to the capstan's limit rings come
 PROBE = 1e-6  # of the longest member: slip by which derivatives are found
 MOST_ITERATIONS = 40
@@ -34,14 +33,11 @@ LARGEST_SLIP = 0.2  # of the longest member, in one step
 
 @dataclass(frozen=True)
 class _State:
-    """An equilibrium with so much slip (n_rings,) [m].
+    """An equilibrium with so much slip."""
 
-    excess: (n_rings, 2) [N], what tensions are beyond the limit, behind each ring and before it.
-    """
-
-    slid: FloatArray
+    slid: FloatArray  # (n_rings,) [m]
     outcome: Outcome
-    excess: FloatArray
+    excess: FloatArray  # (n_rings, 2) [N], tensions beyond the limit, behind each ring and before it
 
     def find_gap(self, slope: float) -> tuple[FloatArray, Any]:
         """Return what is to be zero, (n_rings,) [m], and which way each ring slips, 0: it sticks."""
@@ -63,10 +59,10 @@ def slip_until_held(problem: StaticProblem, start: Point, search: Callable[[Poin
     names = problem.model.manifest.internal_name
     row = np.array([k for k, name in enumerate(names) if name.endswith(SLID_END)])
     begun = problem.internal
-    first = search(start)
-    spent = first.iterations
-    if first.status not in FOUND:
-        return first
+    unslipped = search(start)
+    spent = unslipped.iterations
+    if unslipped.status not in FOUND:
+        return unslipped
 
     def put(slid: FloatArray) -> None:
         states = begun.copy()
@@ -88,16 +84,16 @@ def slip_until_held(problem: StaticProblem, start: Point, search: Callable[[Poin
         spent += outcome.iterations
         return measure(slid, outcome) if outcome.status in FOUND else None
 
-    state = measure(np.zeros(len(row)), first)
+    state = measure(np.zeros(len(row)), unslipped)
     size = float(np.max(problem.compute("member_length", state.outcome.point.coordinate)))
     slope = first_slope = PROBE * size / max(state.outcome.point.largest_force, 1e-300)
-    best, least, waited = state, np.inf, 0
+    best, least_gap, waited = state, np.inf, 0
     for _ in range(MOST_ITERATIONS):
         point = state.outcome.point
         largest = float(np.abs(state.find_gap(first_slope)[0]).max())
-        waited = 0 if largest < 0.9 * least else waited + 1
-        if largest < least:
-            best, least = state, largest
+        waited = 0 if largest < 0.9 * least_gap else waited + 1
+        if largest < least_gap:
+            best, least_gap = state, largest
         if waited > MOST_WAITED:
             break
         gap, side = state.find_gap(slope)
@@ -111,21 +107,21 @@ def slip_until_held(problem: StaticProblem, start: Point, search: Callable[[Poin
         if compliance:
             slope = compliance
             gap = state.find_gap(slope)[0]
-        part, largest = 1.0, float(np.abs(step).max())
+        fraction, largest = 1.0, float(np.abs(step).max())
         step = step * min(1.0, LARGEST_SLIP * size / largest) if largest > 0 else step
         while True:
-            found = settle(state.slid + part * step, point)
+            trial = settle(state.slid + fraction * step, point)
             if (
-                found is not None
-                and np.abs(found.find_gap(slope)[0]).max() < (1 - 0.1 * part) * np.abs(gap).max()
+                trial is not None
+                and np.abs(trial.find_gap(slope)[0]).max() < (1 - 0.1 * fraction) * np.abs(gap).max()
             ):
                 break
-            part /= 2
-            if part < LEAST_PART:
+            fraction /= 2
+            if fraction < LEAST_PART:
                 break
-        if found is None:
+        if trial is None:
             break
-        state = found
+        state = trial
     put(best.slid)
     message = "material slips through rings, and no state was found in which friction holds it"
     point = _drop_slipping_tensions(problem, best.outcome.point)
@@ -143,24 +139,21 @@ def _drop_slipping_tensions(problem: StaticProblem, point: Point) -> Point:
 def _find_step(
     state: _State, side: Any, probe: float, settle: Callable[..., _State | None]
 ) -> tuple[Any, float]:
-    """Return Newton's step of all rings, (n_rings,) [m], and a compliance, 0 where none slips [m/N].
-
-    The step is None where an equilibrium beside was not found, or slip does not change the tensions.
-    """
+    """Return Newton's step of all rings [m], None where none is found, and a compliance, else 0 [m/N]."""
     step, slips = np.where(side == 0, -state.slid, 0.0), np.flatnonzero(side)
     pull = state.pull(side)
-    wanted = -pull[slips]
+    target = -pull[slips]
     matrix = np.zeros((len(slips), len(side)))
     for k in np.flatnonzero((side != 0) | (step != 0)):
         direction = np.zeros(len(side))
         direction[k] = probe if side[k] >= 0 else -probe
-        beside = settle(state.slid + direction, state.outcome.point)
-        if beside is None:
+        displaced = settle(state.slid + direction, state.outcome.point)
+        if displaced is None:
             return None, 0.0
-        matrix[:, k] = (beside.pull(side) - pull)[slips] / direction[k]
-    wanted = wanted - matrix @ step
+        matrix[:, k] = (displaced.pull(side) - pull)[slips] / direction[k]
+    target = target - matrix @ step
     if slips.size and np.abs(matrix).max() * state.outcome.point.longest < NO_RESISTANCE * np.abs(pull).max():
         return None, 0.0
-    step[slips] = np.linalg.lstsq(matrix[:, slips], wanted, rcond=None)[0]
+    step[slips] = np.linalg.lstsq(matrix[:, slips], target, rcond=None)[0]
     stiffest = float(np.abs(matrix[np.arange(len(slips)), slips]).max(initial=0.0))
     return step, 1.0 / stiffest if stiffest > 0 else 0.0

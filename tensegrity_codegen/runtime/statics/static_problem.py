@@ -1,7 +1,8 @@
 """The static problem at fixed loads and parameters: energy, residual and stiffness over the coordinates."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,22 +15,18 @@ from tensegrity_codegen.runtime.contacts.rest_memory import (
     RING_QUANTITIES,
     find_rest_memory,
 )
-from tensegrity_codegen.runtime.model.arguments import check_parameter_values
-from tensegrity_codegen.runtime.model.interface import Model
-from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.runtime.model.arguments import check_parameter_values, merge_inputs
+from tensegrity_codegen.runtime.model.interface import Model, require_quantities
 from tensegrity_codegen.runtime.model.placement import place_nodes
-from tensegrity_codegen.runtime.model.require import require_quantities
 from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT, SINGULAR_TOLERANCE
-from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions
-from tensegrity_codegen.runtime.statics.stiff_members import (
-    StiffMembers,
-    choose_stiff,
-    find_spring_constants,
-)
+from tensegrity_codegen.runtime.statics.stiff_members import StiffMembers, choose_stiff, find_spring_constants
+from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, NonFiniteError
-from tensegrity_codegen.tables.manifest import VISCOUS_WORK
+from tensegrity_codegen.tables.manifest import VISCOUS_WORK, Manifest
 
+RANK_TOLERANCE = 1e-10  # of motions scaled to unit size
+ROUNDING = 1e-13  # of the norm of the stiffness
 EQUILIBRIUM_QUANTITIES = (
     "potential_energy",
     "node_residual",
@@ -37,10 +34,90 @@ EQUILIBRIUM_QUANTITIES = (
     "member_length",
     "member_tension",
 )
-
 EPSILON = float(np.finfo(float).eps)
 # Weight of the distance from the origin beside the length of members, where rounding is estimated.
 ORIGIN_DISTANCE_WEIGHT = 1 / 16
+
+
+def build_rigid_motions(
+    manifest: Manifest | Structure, position: FloatArray, *, nodes: Sequence[int] | None = None
+) -> FloatArray:
+    """Return an orthonormal basis of the rigid motions that the anchors permit, (n_coordinates, k).
+
+    One translation along each modelled axis and one infinitesimal rotation in each plane of two modelled
+    axes, combined so that every anchored coordinate rests. position: (n_nodes, 3) [m]. Motions that move
+    nothing (a rod about its own axis) are dropped. nodes: those that move, by default all; the others rest.
+    """
+    axes = manifest.axes
+    moved = list(range(len(position)) if nodes is None else nodes)
+    motions, _ = build_all_motions(axes, position[moved])
+    free = np.zeros((len(position), 3), dtype=bool)
+    for node, axis in manifest.coordinate_node_axis:
+        free[node, axis] = True
+    chosen = free[np.ix_(moved, axes)].ravel()
+    permitted = motions[chosen] @ _null_space(motions[~chosen])
+    moves = np.zeros(len(position), dtype=bool)
+    moves[moved] = True
+    rows = [k for k, (node, _) in enumerate(manifest.coordinate_node_axis) if moves[node]]
+    if permitted.size == 0:
+        return np.zeros((len(manifest.coordinate_node_axis), 0))
+    directions, singular, _ = np.linalg.svd(permitted, full_matrices=False)
+    directions = directions[:, singular > RANK_TOLERANCE]
+    basis: FloatArray = np.zeros((len(manifest.coordinate_node_axis), directions.shape[1]))
+    basis[rows] = directions
+    return basis
+
+
+def find_neutral_motions(stiffness: Any, motions: FloatArray, force_noise: float) -> FloatArray:
+    """Return a basis of those `motions` that the stiffness annihilates to rounding, (n_coordinates, m).
+
+    stiffness: (n_coordinates, n_coordinates) [N/m], sparse or dense. force_noise [N]: the change of force
+    that a unit motion may cause and still count as none, on top of rounding. A rotation that tilts loads,
+    such as a pendulum's, is no neutral motion.
+    """
+    if motions.shape[1] == 0:
+        return motions
+    size = float(abs(stiffness).sum(axis=0).max(initial=0.0))
+    threshold = ROUNDING * size * np.sqrt(len(motions)) + force_noise
+    _, singular, right = np.linalg.svd(np.asarray(stiffness @ motions), full_matrices=False)
+    neutral: FloatArray = motions @ right[singular <= threshold].T
+    return neutral
+
+
+def build_all_motions(axes: Sequence[int], position: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return translations and rotations about the middle, each of unit size, and their twists.
+
+    position: (..., n_nodes, 3) [m]. Motions (..., n_nodes * n_axes, k); twists (..., 6, k): turn, and
+    translation of the middle.
+    """
+    local = position[..., list(axes)]
+    local = local - local.mean(axis=-2, keepdims=True)
+    columns, twists = [], []
+    for number, axis in enumerate(axes):
+        shift, twist = np.zeros_like(local), np.zeros(6)
+        shift[..., number], twist[3 + axis] = 1.0, 1.0
+        columns.append(shift)
+        twists.append(twist)
+    for axis_1, axis_2 in combinations(range(len(axes)), 2):
+        turn = np.zeros_like(local)
+        turn[..., axis_1], turn[..., axis_2] = -local[..., axis_2], local[..., axis_1]
+        columns.append(turn)
+        twists.append(np.append(np.cross(np.eye(3)[axes[axis_1]], np.eye(3)[axes[axis_2]]), np.zeros(3)))
+    motions = np.stack([column.reshape(*position.shape[:-2], -1) for column in columns], axis=-1)
+    norm = np.linalg.norm(motions, axis=-2, keepdims=True)
+    norm = np.where(norm > 0, norm, 1.0)
+    return motions / norm, np.stack(twists, axis=-1) / norm
+
+
+def _null_space(matrix: FloatArray) -> FloatArray:
+    """Return an orthonormal basis of the null space of a tall or empty matrix, by SVD."""
+    count = matrix.shape[1]
+    if matrix.shape[0] == 0:
+        return np.eye(count)
+    _, singular, right = np.linalg.svd(matrix, full_matrices=matrix.shape[0] < count)
+    rank = int((singular > RANK_TOLERANCE).sum())
+    null: FloatArray = right[rank:].T
+    return null
 
 
 @dataclass(frozen=True)
@@ -139,14 +216,20 @@ class StaticProblem:
     def compute(self, quantity: str, coordinate: FloatArray) -> Any:
         """Return one quantity at `coordinate`."""
         if self.contacts is None:
-            given = {**self._given, "coordinate": coordinate}
+            arguments = {**self._given, "coordinate": coordinate}
             return self.model.compute(
-                quantity, **(self.memory.choose(quantity, given) if self.memory else given)
+                quantity, **(self.memory.choose(quantity, arguments) if self.memory else arguments)
             )
         position = self.node_position(coordinate)
-        given = self._given | self.contacts.state(position)
-        value = self.model.compute(quantity, coordinate=coordinate, **given)
+        arguments = self._given | self.contacts.state(position)
+        value = self.model.compute(quantity, coordinate=coordinate, **arguments)
         return self.contacts.complete(quantity, value, coordinate, position)
+
+    @property
+    def ground_contacts(self) -> Contacts:
+        """The contacts of a structure on the ground."""
+        assert self.contacts is not None
+        return self.contacts
 
     @property
     def internal(self) -> FloatArray:
@@ -164,9 +247,9 @@ class StaticProblem:
 
     def settle(self, coordinate: FloatArray) -> FloatArray | None:
         """Return the internal states of members at `coordinate`, (n_internal,); None where they have none."""
-        given = {**self._given, "coordinate": coordinate}
+        arguments = {**self._given, "coordinate": coordinate}
         if self.memory is not None:
-            return self.memory.settle(given)
+            return self.memory.settle(arguments)
         return self.internal if self.model.manifest.ring_name else None
 
     def forget(self) -> None:
@@ -182,14 +265,14 @@ class StaticProblem:
             return None
         if not all(np.all(np.isfinite(values)) for values in (energy, residual, tension, length)):
             return None
-        left = residual
+        unbalanced = residual
         if self.stiff is not None:
-            tension, left = self.stiff.balance(self.node_position(coordinate), residual, tension)
+            tension, unbalanced = self.stiff.balance(self.node_position(coordinate), residual, tension)
         return Point(
             np.array(coordinate, dtype=float),
             energy,
             residual,
-            self.largest_node_norm(left),
+            self.largest_node_norm(unbalanced),
             self.largest_node_norm(residual),
             float(np.abs(tension).max(initial=0.0)),
             self.extent(coordinate, length),
@@ -243,15 +326,12 @@ class StaticProblem:
         return self.stiff.balance_tension(self.node_position(point.coordinate), point.residual, point.tension)
 
     def bound_rounding(self, stiffness: Any, coordinate: FloatArray) -> float:
-        """Return the eigenvalue of the stiffness below which it is rounding [N/m].
-
-        Stiff members, whose lengths steps keep, count with the rounding of their entries alone.
-        """
+        """Return the eigenvalue of the stiffness below which it is rounding [N/m]."""
         column = np.asarray(abs(stiffness).sum(axis=0)).ravel()
-        whole = float(column.max(initial=0.0))
-        if self.stiff is not None:
+        largest_sum = float(column.max(initial=0.0))
+        if self.stiff is not None:  # their lengths are kept: of them, rounded entries alone count
             column = column - self.stiff.sum_columns(self.node_position(coordinate))
-        return SINGULAR_TOLERANCE * float(column.max(initial=0.0)) + 4 * EPSILON * whole
+        return SINGULAR_TOLERANCE * float(column.max(initial=0.0)) + 4 * EPSILON * largest_sum
 
     def find_differences(self, coordinate: FloatArray) -> Any:
         """Return D: s_i - s_j of strands for directions s, (3 n_strands, n_directions), dense if small."""
@@ -261,9 +341,11 @@ class StaticProblem:
         """Return the differences of the ends of strands, of velocities of nodes (3 n_nodes, k)."""
         if velocity.shape[1] <= DENSE_LIMIT:
             velocity = velocity.toarray()
-        first, second = ((3 * self.strands.ends[:, end, None] + np.arange(3)).ravel() for end in (0, 1))
-        found = velocity[first] - velocity[second]
-        return found if isinstance(found, np.ndarray) else scipy.sparse.csc_array(found)
+        start_rows, end_rows = (
+            (3 * self.strands.ends[:, end, None] + np.arange(3)).ravel() for end in (0, 1)
+        )
+        difference = velocity[start_rows] - velocity[end_rows]
+        return difference if isinstance(difference, np.ndarray) else scipy.sparse.csc_array(difference)
 
     def move_coordinate(self, coordinate: FloatArray, by: FloatArray) -> tuple[FloatArray, FloatArray] | None:
         """Return coordinates moved by `by`, and the displacement; None where constraints cannot be kept."""
@@ -303,9 +385,9 @@ class StaticProblem:
         field[self.node, self.axis] = directions
         return field
 
-    def smallest_eigenvalue(self, coordinate: FloatArray, found: float, neutral: FloatArray) -> float:
-        """Return the smallest eigenvalue in the model's coordinates; `found`: in those of this problem."""
-        return found
+    def smallest_eigenvalue(self, coordinate: FloatArray, eigenvalue: float, neutral: FloatArray) -> float:
+        """Return the smallest eigenvalue in the model's coordinates, of that in those of this problem."""
+        return eigenvalue
 
     def stiffness(self, coordinate: FloatArray) -> Any:
         """Return the tangent stiffness, a (n_directions, n_directions) sparse array [N/m]."""
@@ -322,10 +404,7 @@ class StaticProblem:
         return float(np.sqrt(square.max(initial=0.0)))
 
     def find_unbalanced_axis(self, residual: FloatArray, noise: float) -> tuple[int, float] | None:
-        """Return the first axis without any anchor whose residuals do not add up to zero, and their sum [N].
-
-        Member forces cancel in that sum, so the loads along such an axis have nothing to hold them.
-        """
+        """Return the first axis without anchors on which loads do not cancel, and their sum [N]."""
         n_nodes = len(self.model.manifest.node_name)
         if self.contacts is not None:
             return None
@@ -348,12 +427,8 @@ class StaticProblem:
         """
         diagonal = np.abs(stiffness.diagonal())
         reach = float(np.abs(self.node_position(point.coordinate)).max(initial=0.0))
-        return (
-            64
-            * EPSILON
-            * float(diagonal.max(initial=0.0))
-            * max(point.longest, ORIGIN_DISTANCE_WEIGHT * reach)
-        )
+        length = max(point.longest, ORIGIN_DISTANCE_WEIGHT * reach)
+        return 64 * EPSILON * float(diagonal.max(initial=0.0)) * length
 
 
 def _check_arguments(arguments: Mapping[str, Any]) -> None:

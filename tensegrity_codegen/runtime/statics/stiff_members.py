@@ -42,9 +42,9 @@ def find_spring_constants(compute: Callable[[str, FloatArray], Any], coordinate:
     """
     tension, length = (np.array(compute(name, coordinate)) for name in ("member_tension", "member_length"))
     distance = PROBE * length.max(axis=-1, initial=0.0, keepdims=True)
-    beside = coordinate + distance * np.random.default_rng(0).uniform(-1.0, 1.0, coordinate.shape[-1])
-    change = np.abs(np.asarray(compute("member_length", beside)) - length)
-    force = np.abs(np.asarray(compute("member_tension", beside)) - tension)
+    displaced = coordinate + distance * np.random.default_rng(0).uniform(-1.0, 1.0, coordinate.shape[-1])
+    change = np.abs(np.asarray(compute("member_length", displaced)) - length)
+    force = np.abs(np.asarray(compute("member_tension", displaced)) - tension)
     moved = change > 1e-3 * distance
     return np.where(moved, force / np.where(moved, change, 1.0), 0.0)
 
@@ -109,10 +109,7 @@ class StiffMembers:
     def follow(
         self, coordinate: FloatArray, step: FloatArray, locate: Callable[[FloatArray], FloatArray]
     ) -> FloatArray | None:
-        """Return the coordinates nearest to the end of a step at which stiff members have their lengths.
-
-        locate: positions of nodes (n_nodes, 3) [m] of coordinates. None where there are none nearby.
-        """
+        """Return the coordinates nearest to a step's end with the predicted lengths, None without any."""
         position, ahead = locate(coordinate), coordinate + step
         length = np.linalg.norm(self.lengths.vectors(position), axis=1)
         self.lengths.length = length + self.lengths.jacobian(position) @ step

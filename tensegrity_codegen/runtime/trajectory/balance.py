@@ -31,11 +31,7 @@ class EnergyBalance:
     def judge(
         self, place: int | tuple[()], time: FloatArray, conservative: bool, is_driven: bool, message: str
     ) -> tuple[str, str]:
-        """Return status and message of the motion at `place`, whose own message is `message`.
-
-        time (n_t,) [s]; conservative: whether the motion should keep its energy; is_driven: whether something
-        may bring it some.
-        """
+        """Return status and message of the motion at `place`, whose own message is `message`."""
         grown = self.has_grown[place]
         if grown.any() and not is_driven:
             when = time[int(np.argmax(grown))]
@@ -86,5 +82,5 @@ def find_energy_flow(
         return np.array("velocity" not in needed["acceleration"]), np.array(False)
     if not needed["energy_rate"]:
         return np.array(True), np.array(False)
-    found = power()
-    return ~np.any(found, axis=-1), np.max(found, axis=-1) > 0.0
+    rates = power()
+    return ~np.any(rates, axis=-1), np.max(rates, axis=-1) > 0.0

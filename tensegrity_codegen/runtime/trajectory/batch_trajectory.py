@@ -66,7 +66,7 @@ class BatchTrajectory(Sampled):
     @property
     def is_ok(self) -> NDArray[np.bool_]:
         """Whether each motion came to its end with the status "ok", (n_batch,)."""
-        return np.array([word == "ok" for word in self.status])
+        return np.array([status == "ok" for status in self.status])
 
     def __len__(self) -> int:
         return len(self.status)
@@ -128,5 +128,5 @@ class BatchTrajectory(Sampled):
 
 def _largest(values: FloatArray) -> float | None:
     """Return the largest number, None if all are NAN."""
-    found = float(np.fmax.reduce(values))
-    return None if np.isnan(found) else found
+    largest = float(np.fmax.reduce(values))
+    return None if np.isnan(largest) else largest

@@ -11,33 +11,28 @@ import numpy as np
 
 from tensegrity_codegen.runtime.integrate.motion import Schedule
 from tensegrity_codegen.runtime.integrate.raw_results import RawBatch, RawTrajectory
-from tensegrity_codegen.runtime.model.arguments import apply_ground, apply_loads
-from tensegrity_codegen.runtime.model.charts import judge_charts
+from tensegrity_codegen.runtime.model.arguments import INPUT, apply_ground, apply_loads
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.named_inputs import INPUT
-from tensegrity_codegen.runtime.model.own_tension import put_own_tensions
+from tensegrity_codegen.runtime.model.placement import judge_charts, place_nodes, place_velocities
 from tensegrity_codegen.runtime.trajectory.balance import balance_energy, find_energy_flow
 from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
-from tensegrity_codegen.runtime.trajectory.feet import ContactSamples
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import CONTACT_QUANTITIES
-from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tensegrity_codegen.runtime.trajectory.trajectory import ContactSamples, Trajectory
 from tensegrity_codegen.structure.ground import ENERGY_STATES
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 from tensegrity_codegen.tables.manifest import VISCOUS_WORK
 
 COLUMNS = ("member_tension", "kinetic_energy", "total_energy")
+# Change of a rigid member's tension over that of the elastic members beside it, at most.
+MAX_AMPLIFICATION = 10.0
 
 
 def evaluate_trajectory(
     model: Model, raw: RawTrajectory, arguments: Mapping[str, Any], schedule: Schedule | None = None
 ) -> Trajectory:
-    """Return the trajectory with tensions and energies, its status corrected by the energy balance.
-
-    schedule: arguments that change with time; these do work, so the energy balance says nothing then. Raises
-    NonFiniteError where not even the first sample has finite tensions and energies.
-    """
+    """Return the trajectory with tensions and energies, its status corrected by the energy balance."""
     batch = RawBatch(
         time=raw.time,
         state=raw.state[None],
@@ -52,32 +47,32 @@ def evaluate_trajectory(
         internal=None if raw.internal is None else raw.internal[None],
     )
     samples = _Samples(model, batch, {name: (value, False) for name, value in arguments.items()}, schedule)
-    found = samples.evaluate(raw)[0]
-    if not len(found.time):
+    trajectory = samples.evaluate(raw)[0]
+    if not len(trajectory.time):
         for name in COLUMNS:
             model.compute(name, **samples.sample(0, 0))
-    given = [{**arguments, **(schedule(float(time)) if schedule else {})} for time in found.time]
+    values = [{**arguments, **(schedule(float(time)) if schedule else {})} for time in trajectory.time]
     inputs = None
-    if any(item.name == INPUT for item in model.manifest.arguments):
-        rows = [np.reshape(one.get(INPUT, model.nominal(INPUT)), -1) for one in given]
+    if any(argument.name == INPUT for argument in model.manifest.arguments):
+        rows = [np.reshape(sample_values.get(INPUT, model.nominal(INPUT)), -1) for sample_values in values]
         inputs = np.array(rows, dtype=np.float64)
     return replace(
-        found,
+        trajectory,
         error_estimate=raw.error_estimate,
         log=raw.log,
         evidence=raw.evidence,
         why_method=raw.why,
         input=inputs,
         input_name=model.manifest.input_name,
-        node_load=apply_loads(model, *given),
-        contacts=_find_contacts(samples, found, given),
-        columns=None if raw.columns is None else raw.columns[: len(found.time)],
+        node_load=apply_loads(model, *values),
+        contacts=_find_contacts(samples, trajectory, values),
+        columns=None if raw.columns is None else raw.columns[: len(trajectory.time)],
         column_name=() if raw.columns is None else model.manifest.column_name,
     )
 
 
 def _find_contacts(
-    samples: "_Samples", motion: Trajectory, given: Sequence[Mapping[str, Any]]
+    samples: "_Samples", motion: Trajectory, values: Sequence[Mapping[str, Any]]
 ) -> ContactSamples | None:
     """Return the contacts at the samples of a motion, given its arguments; None where nothing tells."""
     manifest = samples.model.manifest
@@ -85,15 +80,15 @@ def _find_contacts(
         return None
     count = len(motion.time)
     force, depth = (samples.compute(name)[0, :count] for name in CONTACT_QUANTITIES)
-    whole = np.zeros((*force.shape[:2], 3))
-    whole[..., list(manifest.axes)] = force
+    forces = np.zeros((*force.shape[:2], 3))
+    forces[..., list(manifest.axes)] = force
     nodes = [manifest.node_name.index(name) for name in manifest.contact_name]
-    grounds = [apply_ground(samples.model, one) for one in given]
+    grounds = [apply_ground(samples.model, sample_values) for sample_values in values]
     return ContactSamples(
         motion.time,
         manifest.contact_name,
         motion.node_position[:, nodes],
-        whole,
+        forces,
         depth.reshape(count, -1),
         np.array([0.0 if ground is None else ground.friction for ground in grounds]),
     )
@@ -102,10 +97,7 @@ def _find_contacts(
 def evaluate_batch(
     model: CompiledModel, raw: RawBatch, arguments: Mapping[str, tuple[FloatArray, bool]], threads: int
 ) -> BatchTrajectory:
-    """Return the motions with tensions and energies, each status corrected by its energy balance.
-
-    arguments: run-time arguments, each with whether it has one row a motion.
-    """
+    """Return the motions with tensions and energies, each status corrected by its energy balance."""
     return _Samples(model, raw, arguments, threads=threads).evaluate()
 
 
@@ -135,13 +127,13 @@ class _Samples:
         self.is_there = np.arange(n_t) < raw.n_reached[:, None]
         self.coordinate, self.velocity = np.split(raw.state, 2, axis=2)
 
-    def evaluate(self, own: RawTrajectory | None = None) -> BatchTrajectory:
-        """Return the motions; own: the run of the only one, with tensions that were unknowns of their own."""
+    def evaluate(self, run: RawTrajectory | None = None) -> BatchTrajectory:
+        """Return the motions; run: of the only one, with tensions that were unknowns of their own."""
         columns = {name: self.compute(name) for name in COLUMNS}
         self._drop_overflown(columns)
         columns = {name: self._mask(values) for name, values in columns.items()}
-        if own is not None and own.tension is not None:
-            self._put_own_tensions(own, own.tension, columns)
+        if run is not None and run.tension is not None:
+            self._put_own_tensions(run, run.tension, columns)
         kinetic, total = columns["kinetic_energy"], columns["total_energy"]
         drift, ends = self._judge(kinetic, total)
         raw, manifest = self.raw, self.model.manifest
@@ -154,7 +146,7 @@ class _Samples:
             **columns,
             energy_drift=drift,
             error_estimate=np.full(len(ends), np.nan) if raw.error_estimate is None else raw.error_estimate,
-            status=tuple(word for word, _ in ends),
+            status=tuple(status for status, _ in ends),
             message=tuple(message for _, message in ends),
             n_reached=raw.n_reached,
             n_steps=raw.n_steps,
@@ -171,42 +163,42 @@ class _Samples:
 
     def compute(self, quantity: str) -> FloatArray:
         """Return a quantity at all samples, (n_batch, n_t, ...), NAN where it is not finite."""
-        spec = next(item for item in self.model.manifest.functions if item.quantity == quantity)
+        spec = next(function for function in self.model.manifest.functions if function.quantity == quantity)
         if not self.threads:
-            found = np.full((*self.shape, *spec.shape), np.nan)
+            values = np.full((*self.shape, *spec.shape), np.nan)
             for k, row in np.argwhere(self.is_there).tolist():
                 try:
-                    found[k, row] = self.model.compute(quantity, **self.sample(k, row))
+                    values[k, row] = self.model.compute(quantity, **self.sample(k, row))
                 except NonFiniteError:
                     continue
-            return found
+            return values
         batched = {name for name, (_, is_batched) in self.arguments.items() if is_batched}
         if batched.union(("coordinate", "velocity")).isdisjoint(spec.arguments):  # the same for all samples
-            one = {name: array for name, (array, _) in self.arguments.items() if name not in batched}
-            return self._mask(np.broadcast_to(self.model.compute(quantity, **one), self.shape))
-        given = {
+            shared = {name: array for name, (array, _) in self.arguments.items() if name not in batched}
+            return self._mask(np.broadcast_to(self.model.compute(quantity, **shared), self.shape))
+        batch = {
             name: np.repeat(array, self.shape[1], axis=0) if is_batched else array
             for name, (array, is_batched) in self.arguments.items()
         }
-        parts = {"coordinate": self.coordinate, "velocity": self.velocity}
+        states = {"coordinate": self.coordinate, "velocity": self.velocity}
         if self.raw.internal is not None:
-            parts["internal"] = self.raw.internal
-        for name, part in parts.items():
-            given[name] = np.ascontiguousarray(part.reshape(-1, part.shape[2]))
-        found, _ = self.model.compute_batch(quantity, threads=self.threads, on_error="status", **given)
-        return self._mask(found.reshape(*self.shape, *spec.shape))
+            states["internal"] = self.raw.internal
+        for name, array in states.items():
+            batch[name] = np.ascontiguousarray(array.reshape(-1, array.shape[2]))
+        values, _ = self.model.compute_batch(quantity, threads=self.threads, on_error="status", **batch)
+        return self._mask(values.reshape(*self.shape, *spec.shape))
 
     def sample(self, k: int, row: int) -> dict[str, Any]:
         """Return the arguments of a function at one sample of motion k."""
         n, state = self.coordinate.shape[2], self.raw.state[k, row]
         changed = self.schedule(float(self.raw.time[row])) if self.schedule else {}
-        given = {
+        values = {
             **select_motion(self.arguments, k),
             "coordinate": state[:n],
             "velocity": state[n:],
             **changed,
         }
-        return given if self.raw.internal is None else {**given, "internal": self.raw.internal[k, row]}
+        return values if self.raw.internal is None else {**values, "internal": self.raw.internal[k, row]}
 
     def _mask(self, values: FloatArray) -> FloatArray:
         """Return values (n_batch, n_t, ...) with NAN where there is no sample."""
@@ -214,10 +206,7 @@ class _Samples:
         return np.where(rows, values, np.nan)
 
     def _drop_overflown(self, columns: Mapping[str, FloatArray]) -> None:
-        """End runs before the first sample whose tensions or energies are not finite.
-
-        A run that blows up overflows in the square of its velocities before it does in the velocities.
-        """
+        """End runs before the first sample whose tensions or energies overflow and are not finite."""
         raw, n_t = self.raw, self.shape[1]
         is_good = np.all(
             [np.isfinite(v).reshape(*self.shape, -1).all(axis=2) for v in columns.values()], axis=0
@@ -235,44 +224,46 @@ class _Samples:
         self.coordinate, self.velocity = self._mask(self.coordinate), self._mask(self.velocity)
 
     def _put_own_tensions(
-        self, own: RawTrajectory, tension: FloatArray, columns: Mapping[str, FloatArray]
+        self, run: RawTrajectory, tension: FloatArray, columns: Mapping[str, FloatArray]
     ) -> None:
         """Put the tensions that the integrator found into the columns of the only motion, in place."""
         reached = slice(0, int(self.raw.n_reached[0]))
-        given = {name: value for name, (value, _) in self.arguments.items()}
-        given |= self.schedule(0.0) if self.schedule else {}  # their laws do not change with time
-        rows = {name: values[0, reached] for name, values in columns.items()}
-        found = put_own_tensions(
-            self.model, self.raw.state[0, reached], tension, own.tension_member, rows, given
+        arguments = {name: value for name, (value, _) in self.arguments.items()}
+        arguments |= self.schedule(0.0) if self.schedule else {}  # their laws do not change with time
+        rows = {name: array[0, reached] for name, array in columns.items()}
+        corrected = put_own_tensions(
+            self.model, self.raw.state[0, reached], tension, run.tension_member, rows, arguments
         )
-        for name, values in found.items():
-            columns[name][0, reached] = values
+        for name, array in corrected.items():
+            columns[name][0, reached] = array
 
     def _place(self, quantity: str, stated: FloatArray) -> FloatArray:
         """Return positions or velocities of all nodes, (n_batch, n_t, n_nodes, 3); `stated` of held ones."""
         manifest = self.model.manifest
         result = np.tile(stated, (*self.shape, 1, 1))
-        axes, places = list(manifest.axes), manifest.coordinate_place
+        axes, node_axis = list(manifest.axes), manifest.coordinate_place
         if not manifest.coordinate_node_axis:
             result[..., axes] = self.compute(quantity)
             return self._mask(result)
         anchors = self.arguments.get("anchor_position")
-        changeable = next((item for item in manifest.arguments if item.name == "anchor_position"), None)
+        changeable = next(
+            (argument for argument in manifest.arguments if argument.name == "anchor_position"), None
+        )
         if quantity == "node_position" and anchors is not None and changeable is not None:
             rows = np.array([manifest.node_name.index(name) for name in changeable.over])
             array, is_batched = anchors
             array = array[:, None] if is_batched else np.reshape(array, changeable.shape)
             result[:, :, rows[:, None], axes] = array
-        part = self.coordinate if quantity == "node_position" else self.velocity
-        result[:, :, places[:, 0], places[:, 1]] = part
+        free = self.coordinate if quantity == "node_position" else self.velocity
+        result[:, :, node_axis[:, 0], node_axis[:, 1]] = free
         return self._mask(result)
 
     def _find_work(self) -> FloatArray | None:
         """Return what has changed the energy by each sample, (n_batch, n_t) [J]; None where nothing tells."""
-        told = np.isin(self.model.manifest.internal_name, ENERGY_STATES)
-        if self.raw.internal is None or not told.any():
+        is_energy = np.isin(self.model.manifest.internal_name, ENERGY_STATES)
+        if self.raw.internal is None or not is_energy.any():
             return None
-        work: FloatArray = self.raw.internal[..., told].sum(axis=-1)
+        work: FloatArray = self.raw.internal[..., is_energy].sum(axis=-1)
         return self._mask(work - work[:, :1])
 
     def _find_power(self) -> FloatArray:
@@ -297,11 +288,11 @@ class _Samples:
             if model.has("plastic_work"):  # known from the internal states
                 total = total - self.compute("plastic_work")
             if raw.internal is not None and VISCOUS_WORK in model.manifest.internal_name:
-                taken = raw.internal[..., model.manifest.internal_name.index(VISCOUS_WORK)]
-                total = total - self._mask(taken)
+                viscous_work = raw.internal[..., model.manifest.internal_name.index(VISCOUS_WORK)]
+                total = total - self._mask(viscous_work)
             flow = find_energy_flow(model.manifest, self._find_power)
             flow = flow if work is None else (np.array(True), np.array(False))
-            conservative, is_driven = (np.broadcast_to(word, len(ends)) for word in flow)
+            conservative, is_driven = (np.broadcast_to(flag, len(ends)) for flag in flow)
             balance = balance_energy(kinetic, total, self.coordinate)
             drift = np.where(conservative, balance.drift, np.nan)
             for k, (status, message) in enumerate(ends):
@@ -312,3 +303,57 @@ class _Samples:
                 reached = slice(0, int(raw.n_reached[k]))
                 ends[k] = judge_charts(model, raw.time[reached], self.coordinate[k, reached], *ends[k])
         return drift, ends
+
+
+def put_own_tensions(
+    model: Model,
+    state: FloatArray,
+    tension: FloatArray,
+    members: Sequence[int],
+    columns: Mapping[str, FloatArray],
+    arguments: Mapping[str, Any],
+) -> dict[str, FloatArray]:
+    """Return member_tension and total_energy (n_t, ...) with the given tensions (n_t, len(members)) [N].
+
+    state (n_t, n_states): the samples; columns: the results that follow from states. Tensions of rigid
+    members that follow from states stay where the elastic ones do not spoil them: between two steps they are
+    more exact than the polynomial of the method.
+    """
+    chosen = list(members)
+    law = model.compute("member_law", **arguments)[chosen]
+    mu, damping, rest_length = law[:, 1], law[:, 2], law[:, 0]
+    if not mu.any():
+        return dict(columns)
+    member_tension, total_energy = columns["member_tension"].copy(), columns["total_energy"].copy()
+    for row, (x, tensions) in enumerate(zip(state, tension[: len(state)], strict=True)):
+        length, rate = _lengths(model, x, chosen, arguments)
+        elastic = np.divide(tensions - damping * rate, mu, out=np.zeros_like(mu), where=mu > 0)
+        by_length = length - rest_length
+        total_energy[row] += float(0.5 * np.sum(mu * (elastic * elastic - by_length * by_length)))
+        member_tension[row, chosen] = _choose(tensions, member_tension[row, chosen], mu)
+    return {**columns, "member_tension": member_tension, "total_energy": total_energy}
+
+
+def _choose(own: FloatArray, by_state: FloatArray, mu: FloatArray) -> FloatArray:
+    """Return the more exact tensions (n_members,) [N]; those that follow from states only of rigid members.
+
+    They carry the rounding of lengths of stiff members, which shows as the difference of their two tensions.
+    A difference of a rigid member's that is far larger is an error of the method's own.
+    """
+    difference = np.abs(own - by_state)
+    rounding = float(difference[mu > 0].sum())
+    return np.where((mu == 0) & (difference > MAX_AMPLIFICATION * rounding), by_state, own)
+
+
+def _lengths(
+    model: Model, x: FloatArray, members: Sequence[int], arguments: Mapping[str, Any]
+) -> tuple[FloatArray, FloatArray]:
+    """Return lengths [m] and their rates [m/s] of some members at the state x."""
+    n = len(x) // 2
+    ends = np.array(model.manifest.connectivity)[list(members)]
+    position = place_nodes(model, x[:n], arguments.get("anchor_position"), arguments=arguments)
+    velocity = place_velocities(model, x[:n], x[n:], arguments=arguments)
+    vector = position[ends[:, 0]] - position[ends[:, 1]]
+    length = np.sqrt(np.sum(vector * vector, axis=1))
+    along = np.sum(vector * (velocity[ends[:, 0]] - velocity[ends[:, 1]]), axis=1)
+    return length, along / length

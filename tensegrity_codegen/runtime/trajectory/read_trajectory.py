@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.array_file import UNREADABLE, read_arrays
-from tensegrity_codegen.runtime.trajectory.feet import ContactSamples
 from tensegrity_codegen.runtime.trajectory.sampled import SAMPLED, WORDS
-from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tensegrity_codegen.runtime.trajectory.trajectory import ContactSamples, Trajectory
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.checks import check_names
 from tensegrity_codegen.system.errors import (
@@ -26,15 +25,11 @@ DRIVEN = ("input", "node_load", "internal", *CONTACTS)  # what only files of mot
 
 
 def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
-    """Read a result file of the verb simulate back, for the structure that it was made from.
-
-    Raises SceneSyntaxError for a file that is no such result, StructureError if it belongs to other nodes or
-    members.
-    """
+    """Read a result file of the verb simulate back, for the structure that it was made from."""
     try:
         data = read_arrays(Path(path), ("time", *SAMPLED, *WORDS, *DRIVEN, "input_name"))
         names = tuple(data["node_name"].tolist()), tuple(data["member_name"].tolist())
-        places = structure.coordinate_node_axis
+        node_axis = structure.coordinate_node_axis
         fields: dict[str, Any] = {name: data[name] for name in ("time", *SAMPLED)}
         status, message, method = (str(data[name]) for name in ("status", "message", "method"))
         driven = {name: data[name] for name in DRIVEN if name in data}
@@ -59,17 +54,17 @@ def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
     ):
         structure = structure.with_changes(ground=replace(ground, balances_energy=True))
     _check_shapes(fields | driven, structure, len(input_name), str(path))
-    fields = {name: np.asarray(item, float) for name, item in fields.items()}
-    driven = {name: np.asarray(item, float) for name, item in driven.items()}
+    fields = {name: np.asarray(array, float) for name, array in fields.items()}
+    driven = {name: np.asarray(array, float) for name, array in driven.items()}
     position, velocity = fields["node_position"], fields["node_velocity"]
     contacts = None
     if structure.ground is not None and all(name in driven for name in CONTACTS):
         touching = position[:, structure.ground.node]
-        given = (driven[name] for name in CONTACTS)
-        contacts = ContactSamples(fields["time"], structure.contact_name, touching, *given)
+        contact_arrays = (driven[name] for name in CONTACTS)
+        contacts = ContactSamples(fields["time"], structure.contact_name, touching, *contact_arrays)
     return Trajectory(
-        coordinate=position[:, places[:, 0], places[:, 1]],
-        velocity=velocity[:, places[:, 0], places[:, 1]],
+        coordinate=position[:, node_axis[:, 0], node_axis[:, 1]],
+        velocity=velocity[:, node_axis[:, 0], node_axis[:, 1]],
         node_name=names[0],
         member_name=names[1],
         status=status,

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.runtime.trajectory.frames import build_dataset, build_frame
-from tensegrity_codegen.runtime.trajectory.write_motion import write_motion
+from tensegrity_codegen.runtime.trajectory.motion_tables import build_dataset, build_frame, write_motion
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.member_limits import MemberFlaws, check_motion, summarise_tensions
 from tensegrity_codegen.structure.structure import Structure
@@ -150,11 +149,11 @@ class Sampled(ByName, Summarised):
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return what a result file holds, name -> array."""
-        found = {"time": self.time, **{name: getattr(self, name) for name in SAMPLED}}
-        found |= {name: np.array(getattr(self, name)) for name in WORDS}
+        arrays = {"time": self.time, **{name: getattr(self, name) for name in SAMPLED}}
+        arrays |= {name: np.array(getattr(self, name)) for name in WORDS}
         if self.internal is not None:
-            found |= {"internal": self.internal, "internal_name": np.array(self.internal_name)}
-        return found
+            arrays |= {"internal": self.internal, "internal_name": np.array(self.internal_name)}
+        return arrays
 
     def write(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the motion to a file, whole or not at all.

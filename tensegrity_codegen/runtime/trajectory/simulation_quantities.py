@@ -1,12 +1,13 @@
-"""Quantities that a simulation needs of a model."""
+"""Quantities that simulations and feedback need of a library."""
 
-from tensegrity_codegen.runtime.model.interface import Model
-from tensegrity_codegen.runtime.model.require import require_quantities
+from tensegrity_codegen.runtime.model.interface import Model, require_quantities
 from tensegrity_codegen.tables.formulations import find_formulation
 
 # In any formulation; the integrators come besides.
 SIMULATION_QUANTITIES = ("acceleration", "member_tension", "kinetic_energy", "total_energy")
 CONTACT_QUANTITIES = ("contact_force", "penetration")  # of structures on the ground
+CONTROL_METHOD = "rk853"  # integrator of the simulated plant
+CONTROL_QUANTITIES = ("acceleration", "mass_matrix", "equilibrium_matrix", "member_length", "member_tension")
 
 
 def simulation_quantities(formulation: str) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.model.arrays import to_doubles
-from tensegrity_codegen.runtime.trajectory.frames import list_input_units
+from tensegrity_codegen.runtime.trajectory.motion_tables import list_input_units
 from tensegrity_codegen.scene.formats.files.csv_table import MAX_TABLE_BYTES, read_lines, read_table
 from tensegrity_codegen.scene.formats.imported import read_text
 from tensegrity_codegen.structure.structure import Structure

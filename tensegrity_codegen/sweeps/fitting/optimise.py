@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.profiles.profile import Profile
-from tensegrity_codegen.runtime.simulate.given import read_sample_times
 from tensegrity_codegen.runtime.simulate.gradient import (
     LEAST_RTOL,
     TIGHTER,
@@ -19,6 +18,7 @@ from tensegrity_codegen.runtime.simulate.gradient import (
     compare_with_differences,
     read_loss,
 )
+from tensegrity_codegen.runtime.simulate.motion_input import read_sample_times
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.sweeps.fitting.keyed_motion import METHOD, KeyedMotion, MotionSlopes, RunSettings

@@ -20,8 +20,8 @@ from tensegrity_codegen.control.feedback.loop.actuator_bounds import (
     find_bounds,
 )
 from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.runtime.model.interface import name_states
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.state_names import name_states
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.scene.subject import Subject, assemble_scene

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.runtime.analysis.analyse import analyse
-from tensegrity_codegen.runtime.analysis.freedom import count_freedom
+from tensegrity_codegen.runtime.analysis.rank import count_freedom
 from tests.random_structures import make_structure
 from tests.reference import ReferenceModel
 from tests.runtime.build import cable

@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 
-from tensegrity_codegen.runtime.analysis.mechanisms import build_part_motions, find_free_motions, find_parts
-from tensegrity_codegen.runtime.analysis.rank import find_rank
+from tensegrity_codegen.runtime.analysis.rank import (
+    build_part_motions,
+    find_free_motions,
+    find_parts,
+    find_rank,
+)
 from tests.reference import ReferenceModel
 from tests.runtime.build import bar, cable, make_structure, prism
 

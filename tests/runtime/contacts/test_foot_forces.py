@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tensegrity_codegen.runtime.contacts.foot_forces import (
+from tensegrity_codegen.runtime.contacts.judge_stand import (
     FootProblem,
     find_foot_forces,
     find_least_friction,

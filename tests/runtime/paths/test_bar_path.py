@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from tensegrity_codegen.runtime.paths.bar_path import BarPath, build_path
 from tensegrity_codegen.runtime.paths.continuation import follow_path
-from tensegrity_codegen.runtime.paths.model_path import ModelPath, watch_slack
+from tensegrity_codegen.runtime.paths.model_path import BarPath, ModelPath, build_path
+from tensegrity_codegen.runtime.paths.watches import watch_slack
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.system.errors import FormulationError
 from tests.runtime.build import bar, make_structure, prism, spring

@@ -8,7 +8,7 @@ import pytest
 from scipy import optimize
 
 from tensegrity_codegen.runtime.paths.continuation import StepControl, follow_path
-from tensegrity_codegen.runtime.paths.path_problem import Watch
+from tensegrity_codegen.runtime.paths.load_path import Watch
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 from tests.cases import thorough
 from tests.runtime.path_problems import Chain, Column, Kinked, Line, VonMises

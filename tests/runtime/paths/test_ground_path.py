@@ -2,8 +2,8 @@
 
 import pytest
 
-from tensegrity_codegen.runtime.paths.bar_path import build_path
 from tensegrity_codegen.runtime.paths.ground_path import follow_ground_path
+from tensegrity_codegen.runtime.paths.model_path import build_path
 from tensegrity_codegen.runtime.statics.equilibrium import equilibrium_quantities
 from tests.cases import thorough
 from tests.ground_cases import GRAVITY, make_block, make_ground

@@ -12,7 +12,8 @@ from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.paths.continuation import StepControl, follow_path
 from tensegrity_codegen.runtime.paths.load_path import LoadPath
-from tensegrity_codegen.runtime.paths.model_path import ModelPath, watch_contact, watch_slack
+from tensegrity_codegen.runtime.paths.model_path import ModelPath
+from tensegrity_codegen.runtime.paths.watches import watch_contact, watch_slack
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES
 from tensegrity_codegen.structure.bodies import BodySystem

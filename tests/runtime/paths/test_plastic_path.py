@@ -7,14 +7,14 @@ import pytest
 
 from tensegrity_codegen.runtime.contacts.rest_memory import REST_QUANTITIES
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.paths.bar_path import build_path
 from tensegrity_codegen.runtime.paths.continuation import StepControl, follow_path
 from tensegrity_codegen.runtime.paths.load_path import LoadPath
-from tensegrity_codegen.runtime.paths.model_path import watch_slack, watch_yield
+from tensegrity_codegen.runtime.paths.model_path import build_path
+from tensegrity_codegen.runtime.paths.watches import watch_slack, watch_yield
 from tensegrity_codegen.runtime.sensitivity.sensitivity import equilibrium_sensitivity
 from tensegrity_codegen.runtime.sensitivity.static_system import REST_LENGTH_QUANTITIES
 from tensegrity_codegen.runtime.simulate.simulate import simulate
-from tensegrity_codegen.runtime.statics.bar_problem import BAR_EQUILIBRIUM_QUANTITIES
+from tensegrity_codegen.runtime.statics.constrained_problems import BAR_EQUILIBRIUM_QUANTITIES
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES
 from tensegrity_codegen.structure.structure import Structure

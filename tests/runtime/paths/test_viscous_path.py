@@ -7,9 +7,9 @@ import pytest
 
 from tensegrity_codegen.runtime.contacts.rest_memory import RELAXED_QUANTITIES, REST_QUANTITIES
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.paths.bar_path import build_path
 from tensegrity_codegen.runtime.paths.continuation import follow_path
-from tensegrity_codegen.runtime.paths.model_path import watch_slack, watch_yield
+from tensegrity_codegen.runtime.paths.model_path import build_path
+from tensegrity_codegen.runtime.paths.watches import watch_slack, watch_yield
 from tensegrity_codegen.runtime.sensitivity.sensitivity import equilibrium_sensitivity
 from tensegrity_codegen.runtime.sensitivity.static_system import REST_LENGTH_QUANTITIES
 from tensegrity_codegen.runtime.simulate.simulate import simulate

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from tensegrity_codegen.runtime.sensitivity.bordered import factorise
+from tensegrity_codegen.runtime.sensitivity.static_system import factorise
 
 
 @pytest.mark.parametrize("rounding", [0.0, 1e-12])

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from tensegrity_codegen.pipeline.analyses import find_needs
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
-from tensegrity_codegen.runtime.sensitivity import bordered
+from tensegrity_codegen.runtime.sensitivity import static_system
 from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
 from tensegrity_codegen.runtime.sensitivity.sensitivity import equilibrium_sensitivity
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem, find_equilibrium
@@ -397,7 +397,7 @@ def test_casadi_differentiates_the_implicit_function_to_the_same_numbers() -> No
 
 def test_large_structures_take_the_same_numbers_by_lanczos(monkeypatch: pytest.MonkeyPatch) -> None:
     start, found = solve(example("tower"))
-    monkeypatch.setattr(bordered, "DENSE_LIMIT", 10)
+    monkeypatch.setattr(static_system, "DENSE_LIMIT", 10)
     again = equilibrium_sensitivity(ReferenceModel(example("tower")), start)
     assert again.smallest_eigenvalue == pytest.approx(found.smallest_eigenvalue, rel=1e-9)
     assert found.smallest_eigenvalue == pytest.approx(start.smallest_eigenvalue, rel=1e-9)

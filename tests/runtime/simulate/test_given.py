@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from tensegrity_codegen.runtime.simulate.given import MAX_BYTES, check_sample_memory, read_sample_times
+from tensegrity_codegen.runtime.simulate.motion_input import MAX_BYTES, check_sample_memory, read_sample_times
 from tensegrity_codegen.system.errors import InvalidValueError
 
 

@@ -15,7 +15,7 @@ from tensegrity_codegen.runtime.integrate.batch_integration import integrate_bat
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions, Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.simulate import given
+from tensegrity_codegen.runtime.simulate import motion_input
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
@@ -224,7 +224,7 @@ def test_a_tolerance_that_no_step_meets_is_told_of_each(
 def test_more_samples_than_memory_holds_are_refused(
     model: CompiledModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(given, "MAX_BYTES", 2**17)
+    monkeypatch.setattr(motion_input, "MAX_BYTES", 2**17)
     simulate_batch(model, T_END, coordinate=starts(model, 2), samples=20)
     with pytest.raises(InvalidValueError, match="memory"):
         simulate_batch(model, T_END, coordinate=starts(model, 20), samples=20)

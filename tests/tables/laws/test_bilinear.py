@@ -12,7 +12,8 @@ from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.linear.linearize import LINEARIZE_QUANTITIES, linearize
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.paths.continuation import follow_path
-from tensegrity_codegen.runtime.paths.model_path import ModelPath, watch_switch
+from tensegrity_codegen.runtime.paths.model_path import ModelPath
+from tensegrity_codegen.runtime.paths.watches import watch_switch
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.control.feedback.design.linear_samples import to_dense
+from tensegrity_codegen.runtime.model.interface import require_quantities
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes, place_velocities
-from tensegrity_codegen.runtime.model.require import require_quantities
-from tensegrity_codegen.runtime.records.even_knots import choose_even_knots
+from tensegrity_codegen.runtime.records.timed_motion import choose_even_knots
 from tensegrity_codegen.structure.actuators import Sensor
 from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.system.arrays import FloatArray

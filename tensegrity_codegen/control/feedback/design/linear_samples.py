@@ -13,12 +13,11 @@ import numpy as np
 from scipy.linalg import expm
 
 from tensegrity_codegen.control.planning.plan_point import PlanModel, find_actuation
+from tensegrity_codegen.runtime.model.arguments import INPUT, merge_inputs
 from tensegrity_codegen.runtime.model.arrays import check_shape, to_sized
-from tensegrity_codegen.runtime.model.interface import Described
+from tensegrity_codegen.runtime.model.interface import Described, require_double, require_quantities
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
 from tensegrity_codegen.runtime.model.placement import place_nodes
-from tensegrity_codegen.runtime.model.require import require_double, require_quantities
 from tensegrity_codegen.runtime.records.timed_motion import Motion, MotionPoint
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.scene.subject import Subject

@@ -16,13 +16,12 @@ from tensegrity_codegen.control.feedback.loop.tension_distribution import Tensio
 from tensegrity_codegen.runtime.integrate.event_run import EventRun
 from tensegrity_codegen.runtime.integrate.integration import BoundIntegrator
 from tensegrity_codegen.runtime.integrate.motion import Motion as Integrated
-from tensegrity_codegen.runtime.model.arguments import check_arguments
+from tensegrity_codegen.runtime.model.arguments import INPUT, check_arguments, merge_inputs
 from tensegrity_codegen.runtime.model.arrays import check_finite, to_doubles, to_sized
+from tensegrity_codegen.runtime.model.interface import name_moving_states
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
-from tensegrity_codegen.runtime.model.state_names import name_moving_states
 from tensegrity_codegen.runtime.records.timed_motion import Motion
-from tensegrity_codegen.runtime.trajectory.control_quantities import CONTROL_METHOD
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import CONTROL_METHOD
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance, check_positive, check_whole, is_number
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest

@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 from tensegrity_codegen.control.feedback.design.linear_samples import check_motion, to_dense
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBounds, find_bounds
 from tensegrity_codegen.control.planning.quadratic_program import find_nearest, require_solver
+from tensegrity_codegen.runtime.model.arguments import merge_inputs
 from tensegrity_codegen.runtime.model.arrays import to_each
+from tensegrity_codegen.runtime.model.interface import require_model, require_quantities
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
-from tensegrity_codegen.runtime.model.require import require_model, require_quantities
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.structure.bodies import BodyInput
 from tensegrity_codegen.structure.structure import ActuatedInput

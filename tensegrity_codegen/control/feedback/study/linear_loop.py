@@ -23,8 +23,8 @@ from tensegrity_codegen.control.feedback.kalman import (
 )
 from tensegrity_codegen.control.feedback.study.stated_errors import find_default_times
 from tensegrity_codegen.control.feedback.study.tuning import Scales
+from tensegrity_codegen.runtime.model.arguments import merge_inputs
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.structure.frozen import freeze_fields

@@ -46,9 +46,9 @@ from tensegrity_codegen.control.feedback.study.stated_errors import (
     read_times,
 )
 from tensegrity_codegen.control.feedback.study.tuning import Tuning, choose_weights
+from tensegrity_codegen.runtime.model.arguments import merge_inputs
+from tensegrity_codegen.runtime.model.interface import require_model
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
-from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.system.checks import check_callback, check_instance, check_positive, with_moved

@@ -22,11 +22,10 @@ from tensegrity_codegen.control.feedback.loop.tension_distribution import (
     design_distribution,
 )
 from tensegrity_codegen.control.feedback.mpc import Mpc, design_mpc
+from tensegrity_codegen.runtime.model.arguments import INPUT, merge_inputs
+from tensegrity_codegen.runtime.model.interface import name_states, require_model, require_quantities
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
 from tensegrity_codegen.runtime.model.placement import place_nodes
-from tensegrity_codegen.runtime.model.require import require_model, require_quantities
-from tensegrity_codegen.runtime.model.state_names import name_states
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray

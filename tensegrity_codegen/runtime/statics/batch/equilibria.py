@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.runtime.statics.newton import FOUND
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import ByName, Fact, Summarised, count_names, describe_range
 
-FOUND = ("converged", "rounding_limited")
 WORDS = ("status", "message", "method", "displaced_node", "changed_node")
 # Single numbers of each case, with what stands where there is none.
 NUMBERS: dict[str, Any] = {
@@ -108,11 +108,11 @@ class Equilibria(ByName, Summarised):
     @property
     def is_found(self) -> NDArray[np.bool_]:
         """Whether a minimum of the energy was found in each case, (n_batch,)."""
-        return np.array([word in FOUND for word in self.status])
+        return np.array([status in FOUND for status in self.status])
 
     def headline(self) -> str:
         """Return how many cases there are, and how they ended."""
-        counts = ", ".join(f"{count} {word}" for word, count in Counter(self.status).most_common())
+        counts = ", ".join(f"{count} {status}" for status, count in Counter(self.status).most_common())
         return f"{len(self)} cases: {counts}"
 
     def facts(self) -> list[Fact]:
@@ -127,10 +127,7 @@ class Equilibria(ByName, Summarised):
 
 
 class EquilibriaTable:
-    """Rows of results, filled one by one or many at a time.
-
-    coordinate: starts (n_batch, n_coordinates), which cases keep that are never filled.
-    """
+    """Rows of results, filled one by one or many at a time; others keep their start `coordinate`."""
 
     def __init__(self, model: Model, coordinate: FloatArray) -> None:
         self.model, manifest, count = model, model.manifest, len(coordinate)
@@ -157,13 +154,15 @@ class EquilibriaTable:
         for name, column in self.words.items():
             column[k] = getattr(row, name)
 
-    def put_many(self, rows: NDArray[np.int64], arrays: Mapping[str, Any], words: Mapping[str, Any]) -> None:
+    def put_many(
+        self, rows: NDArray[np.int64], arrays: Mapping[str, Any], columns: Mapping[str, Any]
+    ) -> None:
         """Fill rows from arrays and lists of words by name."""
         for name, array in arrays.items():
             self.arrays[name][rows] = array
-        for name, column in words.items():
-            for k, word in zip(rows.tolist(), column, strict=True):
-                self.words[name][k] = word
+        for name, column in columns.items():
+            for k, entry in zip(rows.tolist(), column, strict=True):
+                self.words[name][k] = entry
 
     def build(self) -> Equilibria:
         """Return the results."""

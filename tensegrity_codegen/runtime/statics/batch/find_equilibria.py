@@ -8,27 +8,164 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tensegrity_codegen.runtime.model.arguments import check_argument_names, merge_inputs
 from tensegrity_codegen.runtime.model.arrays import agree_on_rows, to_batch
 from tensegrity_codegen.runtime.model.batch import check_threads
+from tensegrity_codegen.runtime.model.interface import require_double, require_model
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.named_inputs import check_argument_names, merge_inputs
-from tensegrity_codegen.runtime.model.require import require_double, require_model
 from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria, EquilibriaTable
-from tensegrity_codegen.runtime.statics.batch.side_by_side import (
-    block_size,
-    can_go_side_by_side,
-    search_block,
-)
+from tensegrity_codegen.runtime.statics.batch.points import BatchProblem, Points, take
+from tensegrity_codegen.runtime.statics.batch.search import LEFT, BatchSearch
+from tensegrity_codegen.runtime.statics.batch.stability import find_distances, find_stabilities
 from tensegrity_codegen.runtime.statics.equilibrium import (
     build_problem,
     check_search_options,
+    describe_unheld,
     find_equilibrium,
 )
-from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
-from tensegrity_codegen.system.arrays import FloatArray, IntArray
+from tensegrity_codegen.runtime.statics.equilibrium_record import START_RESIDUAL_TOLERANCE, Equilibrium
+from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT
+from tensegrity_codegen.runtime.statics.newton import FOUND
+from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES
+from tensegrity_codegen.runtime.statics.stiff_members import are_stiff, find_spring_constants
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 from tensegrity_codegen.system.checks import check_callback
 from tensegrity_codegen.system.errors import NonFiniteError
+from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.static_methods import Method
+
+BLOCK_BYTES = 2**24  # of the stiffnesses of a block
+MOST_CASES = 1024  # of a block
+
+MESSAGES = {
+    "converged": "",
+    "rounding_limited": "rounding error keeps the residual above the tolerance",
+    "unbounded": "the loads move the structure without bound",
+}
+
+
+def can_go_side_by_side(model: CompiledModel, method: str) -> bool:
+    """Return whether cases of this model can be searched side by side by this method."""
+    in_nodes = find_formulation(model.manifest.formulation).statics == "nodes"
+    count = len(model.manifest.coordinate_name)
+    small = in_nodes and count == len(model.manifest.coordinate_node_axis) and 0 < count <= DENSE_LIMIT
+    has_all = all(model.has(name) for name in EQUILIBRIUM_QUANTITIES)
+    # The ground is loaded in steps, and members side by side are single strands
+    is_alone = method == "relaxation" or bool(model.manifest.contact_name or model.manifest.ring_nodes)
+    is_alone |= bool(model.manifest.internal_name)
+    return small and has_all and not is_alone and bool(model.library.batch_width)
+
+
+def block_size(model: CompiledModel) -> int:
+    """Return how many cases are searched at a time: a whole number of lanes."""
+    count, width = len(model.manifest.coordinate_name), model.library.batch_width
+    return width * max(1, min(MOST_CASES, BLOCK_BYTES // (8 * count**2)) // width)
+
+
+def search_block(
+    model: CompiledModel,
+    arguments: Mapping[str, tuple[FloatArray, bool]],
+    start: FloatArray,
+    cases: IntArray,
+    table: EquilibriaTable,
+    tolerance: float,
+    max_iterations: int,
+) -> IntArray:
+    """Fill the rows of cases whose search has ended; return the other cases, to be searched alone."""
+    problem_of_all, everyone = BatchProblem(model, arguments, cases), np.arange(len(cases))
+    spring_constant = find_spring_constants(
+        lambda name, coordinate: problem_of_all.compute(name, coordinate, everyone)[0], start[cases]
+    )
+    kinds, kind = np.unique(are_stiff(spring_constant), axis=0, return_inverse=True)
+    unfinished = []
+    for number, is_stiff in enumerate(kinds):
+        rows = np.flatnonzero(kind == number)
+        problem = BatchProblem(model, arguments, cases[rows])
+        problem.watch_stiff_members(np.flatnonzero(is_stiff), spring_constant[rows])
+        unfinished.append(
+            cases[rows[_search_all(problem, start[cases[rows]], table, tolerance, max_iterations)]]
+        )
+    return np.concatenate(unfinished)
+
+
+def _search_all(
+    problem: BatchProblem, start: FloatArray, table: EquilibriaTable, tolerance: float, max_iterations: int
+) -> IntArray:
+    """Fill the rows of cases of a problem; return the numbers, within the problem, of those that are left."""
+    rows = np.arange(len(start))
+    begun = problem.find_points(start, rows)
+    stiffness, is_finite = problem.find_stiffness(start, rows)
+    floor = problem.rounding_floor(stiffness, begun)
+    search = BatchSearch(problem, begun)
+    axis, total = problem.find_unbalanced_axes(begun, floor * np.sqrt(problem.size + 1))
+    search.status[axis >= 0] = "no_equilibrium"
+    search.status[~(begun.is_finite & is_finite)] = LEFT
+    search.run(tolerance, max_iterations)
+    message = [
+        describe_unheld(axis[k], total[k]) if axis[k] >= 0 else MESSAGES.get(status, "")
+        for k, status in enumerate(search.status.tolist())
+    ]
+    return _record(search, message, floor, table)
+
+
+def _record(search: BatchSearch, message: list[str], floor: FloatArray, table: EquilibriaTable) -> IntArray:
+    """Fill rows of the table; return the numbers of cases, within the search, that are left."""
+    problem, rows = search.problem, np.flatnonzero(search.status != LEFT)
+    if not len(rows):
+        return np.arange(len(search.status))
+    point, start, status = (take(record, rows) for record in (search.best, search.start, search.status))
+    stability = find_stabilities(problem, point, rows)
+    is_found = np.isin(status, FOUND)
+    # A single search looks at these closer.
+    is_lost = is_found & (stability.is_unstable | stability.is_neutral)
+    is_lost |= np.isnan(stability.smallest_eigenvalue) | (~is_found & stability.is_neutral)
+    status[status == "unbounded"] = "no_equilibrium"
+    moved = np.linalg.norm(point.position - start.position, axis=2)
+    distance, is_known = find_distances(
+        start.position, point.position, stability.neutral_motions, stability.twist
+    )
+    good = np.flatnonzero(is_known & ~is_lost)
+    at_start = _find_unstable_starts(problem, take(start, good), rows[good], floor[rows[good]])
+    names = np.array(problem.manifest.node_name)
+    texts = {
+        "status": status[good].tolist(),
+        "message": [message[k] for k in rows[good]],
+        "method": ["newton"] * len(good),
+        "displaced_node": names[moved.argmax(axis=1)][good].tolist(),
+        "changed_node": names[np.nan_to_num(distance).argmax(axis=1)][good].tolist(),
+    }
+    arrays = {
+        "coordinate": point.coordinate,
+        "node_position": point.position,
+        "member_length": point.length,
+        "member_tension": point.tension,
+        "residual": point.node_force,
+        "largest_force": point.largest_force,
+        "iterations": search.iterations[rows],
+        "smallest_eigenvalue": stability.smallest_eigenvalue,
+        "neutral_motions": stability.neutral_motions,
+        "energy": point.energy,
+        "energy_change": point.energy - start.energy,
+        "displacement": moved.max(axis=1),
+        "change": distance.max(axis=1),
+        "extent": np.ptp(start.position, axis=1).max(axis=1),
+    }
+    columns = {name: array[good] for name, array in arrays.items()} | {"is_start_unstable": at_start}
+    table.put_many(problem.cases[rows[good]], columns, texts)
+    return np.setdiff1d(np.arange(len(search.status)), rows[good])
+
+
+def _find_unstable_starts(
+    problem: BatchProblem, start: Points, rows: IntArray, floor: FloatArray
+) -> BoolArray:
+    """Return whether each start is nearly in balance and the energy curves down there."""
+    is_balanced = start.is_balanced(START_RESIDUAL_TOLERANCE, floor)
+    is_unstable = is_balanced.copy()
+    if is_balanced.any():
+        is_unstable[is_balanced] = find_stabilities(
+            problem, take(start, is_balanced), rows[is_balanced]
+        ).is_unstable
+    return is_unstable
 
 
 def find_equilibria(
@@ -129,20 +266,22 @@ def _read_starts(
     require_double(model.manifest, "the search for an equilibrium")
     merged = merge_inputs(model.manifest, arguments, is_batch=True, dtype=model.dtype)
     check_argument_names(model.manifest, merged)
-    given = {
+    values = {
         name: to_batch(value, model.nominal(name).shape, model.library.precision, name)
         for name, value in merged.items()
     }
     nominal = model.nominal("coordinate")
-    place = to_batch(
+    starts = to_batch(
         nominal if coordinate is None else coordinate, nominal.shape, model.library.precision, "coordinate"
     )
     lengths = {
-        name: len(array) for name, (array, is_batched) in {**given, "coordinate": place}.items() if is_batched
+        name: len(array)
+        for name, (array, is_batched) in {**values, "coordinate": starts}.items()
+        if is_batched
     }
     count = agree_on_rows(lengths, "find_equilibria", "use find_equilibrium() for a single case")
-    start = place[0] if place[1] else np.tile(place[0], (count, 1))
-    return _Starts(start, given)
+    start = starts[0] if starts[1] else np.tile(starts[0], (count, 1))
+    return _Starts(start, values)
 
 
 class _Search:
@@ -160,7 +299,7 @@ class _Search:
         """Return the numbers of the cases of each block."""
         size = block_size(self.model) if self.side_by_side else 1
         cases = np.arange(self.starts.count)
-        return [cases[first : first + size] for first in range(0, len(cases), size)]
+        return [cases[start : start + size] for start in range(0, len(cases), size)]
 
     def run_all(self, threads: int, progress: Callable[[float], None] | None) -> None:
         """Search all blocks, in threads where there are several."""
@@ -186,20 +325,20 @@ class _Search:
 
     def run(self, cases: IntArray) -> int:
         """Search the cases of a block, and return how many they are."""
-        parts = {"coordinate": (self.starts.coordinate, True), **self.starts.arguments}
+        inputs = {"coordinate": (self.starts.coordinate, True), **self.starts.arguments}
         good = np.ones(len(cases), dtype=np.bool_)
-        for name, (array, is_batched) in parts.items():
-            own = array[cases].reshape(len(cases), -1) if is_batched else array.reshape(1, -1)
-            is_finite = np.broadcast_to(np.isfinite(own).all(axis=1), len(cases))
+        for name, (array, is_batched) in inputs.items():
+            values = array[cases].reshape(len(cases), -1) if is_batched else array.reshape(1, -1)
+            is_finite = np.broadcast_to(np.isfinite(values).all(axis=1), len(cases))
             for k in cases[good & ~is_finite]:
                 self.table.put(int(k), ("non_finite_input", f"{name} is not finite"))
             good &= is_finite
-        left = cases[good]
-        if self.side_by_side and len(left):
-            given, place = self.starts.arguments, self.starts.coordinate
+        remaining = cases[good]
+        if self.side_by_side and len(remaining):
+            arguments, coordinate = self.starts.arguments, self.starts.coordinate
             options = (self.tolerance, self.max_iterations)
-            left = search_block(self.model, given, place, left, self.table, *options)
-        for k in left.tolist():
+            remaining = search_block(self.model, arguments, coordinate, remaining, self.table, *options)
+        for k in remaining.tolist():
             self.table.put(k, self._find_one(k))
         return len(cases)
 

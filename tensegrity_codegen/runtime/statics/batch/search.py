@@ -142,8 +142,8 @@ class BatchSearch:
             undriven = self._find_undriven_motions(rows, point, stiffness, floor)
         force = _project(point.residual, undriven)
         compression = np.maximum(-tension, 0.0) / here.length
-        least = find_least_shift(problem.bound_rounding(path, point, rows)[:, None], here)
-        put(self.ground, rows, _Ground(path, force, undriven, compression, least, floor))
+        least_shift = find_least_shift(problem.bound_rounding(path, point, rows)[:, None], here)
+        put(self.ground, rows, _Ground(path, force, undriven, compression, least_shift, floor))
         self.is_new[rows] = False
 
     def _find_undriven_motions(
@@ -221,29 +221,29 @@ class BatchSearch:
             self._count(refused)
 
     def _find_need(self, attempt: _Attempt, trial: Points) -> FloatArray:
-        there, kept = self._locate(trial), self.problem.kept_members
-        return attempt.damping.find_need(attempt.moved, attempt.here, there, kept)
+        end, kept_members = self._locate(trial), self.problem.kept_members
+        return attempt.damping.find_need(attempt.moved, attempt.here, end, kept_members)
 
     def _correct(
-        self, attempt: _Attempt, which: IntArray, trial: Points, saved: FloatArray, need: FloatArray
+        self, attempt: _Attempt, rows: IntArray, trial: Points, saved: FloatArray, need: FloatArray
     ) -> None:
         """Replace trials by those of steps corrected to second order, where these save more."""
-        part, first = take(attempt, which), take(trial, which)
+        poor, poor_trial = take(attempt, rows), take(trial, rows)
         pull = self.problem.find_node_forces(
-            part.damping.find_lengthening(part.moved, part.here, self._locate(first))
+            poor.damping.find_lengthening(poor.moved, poor.here, self._locate(poor_trial))
         )
         correction = np.array(
             [
                 scipy.linalg.lapack.dpotrs(factor, force, lower=1)[0]
-                for factor, force in zip(part.factor, pull, strict=True)
+                for factor, force in zip(poor.factor, pull, strict=True)
             ]
         )
-        second = self.problem.find_displaced_points(part.point, part.step - correction, part.rows)
-        better = second.is_finite & (second.energy < first.energy)
-        part, second, which = take(part, better), take(second, better), which[better]
-        put(trial, which, second)
-        saved[which], need[which] = part.find_saving(second), self._find_need(part, second)
-        put(attempt.damping, which, part.damping)
+        corrected = self.problem.find_displaced_points(poor.point, poor.step - correction, poor.rows)
+        better = corrected.is_finite & (corrected.energy < poor_trial.energy)
+        poor, corrected, rows = take(poor, better), take(corrected, better), rows[better]
+        put(trial, rows, corrected)
+        saved[rows], need[rows] = poor.find_saving(corrected), self._find_need(poor, corrected)
+        put(attempt.damping, rows, poor.damping)
 
     def _accept(
         self, attempt: _Attempt, trial: Points, need: FloatArray, turn: FloatArray, saved: FloatArray
@@ -278,8 +278,8 @@ class BatchSearch:
 
 def _project(vector: FloatArray, motions: FloatArray) -> FloatArray:
     """Return vectors (count, n) without their parts along orthonormal motions (count, n, k)."""
-    part = vector[:, None, :] @ motions
-    return np.asarray(vector - (motions @ part.transpose(0, 2, 1))[:, :, 0])
+    components = vector[:, None, :] @ motions
+    return np.asarray(vector - (motions @ components.transpose(0, 2, 1))[:, :, 0])
 
 
 def _solve(matrix: FloatArray, right: FloatArray) -> tuple[Any, FloatArray, BoolArray]:

@@ -24,7 +24,8 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.paths.c_equilibrium import EquilibriumSolver
 from tensegrity_codegen.runtime.paths.continuation import StepControl, follow_path
 from tensegrity_codegen.runtime.paths.load_path import LoadPath, PathEvent
-from tensegrity_codegen.runtime.paths.model_path import ModelPath, watch_contact, watch_slack
+from tensegrity_codegen.runtime.paths.model_path import ModelPath
+from tensegrity_codegen.runtime.paths.watches import watch_contact, watch_slack
 from tensegrity_codegen.studies.papers.lin.tables import TOPS, compile_prism, place_load, settle
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError

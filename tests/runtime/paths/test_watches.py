@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy import optimize
 
-from tensegrity_codegen.runtime.paths.bar_path import build_path
 from tensegrity_codegen.runtime.paths.continuation import follow_path
-from tensegrity_codegen.runtime.paths.member_watch import watch_members
+from tensegrity_codegen.runtime.paths.model_path import build_path
+from tensegrity_codegen.runtime.paths.watches import watch_members
 from tensegrity_codegen.structure.limits import Limits
 from tests.reference import ReferenceModel
 from tests.runtime.build import bar, make_structure

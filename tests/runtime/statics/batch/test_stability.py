@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tensegrity_codegen.runtime.statics.batch.node_distances import find_distances
+from tensegrity_codegen.runtime.statics.batch.stability import find_distances
 from tensegrity_codegen.runtime.statics.neutral_motion import NeutralMotions
 
 AXIS = np.array([1.0, 2.0, 2.0]) / 3.0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions, find_neutral_motions
+from tensegrity_codegen.runtime.statics.static_problem import build_rigid_motions, find_neutral_motions
 from tests.reference import ReferenceModel
 from tests.runtime.build import bar, make_structure, prism
 

@@ -1,14 +1,18 @@
-"""Motions as a table with a row for each sample, and as objects of pandas and xarray (optional packages)."""
+"""Motions as tables with a row for each sample, as objects of pandas and xarray, and as files."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.runtime.model.array_file import write_arrays
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.extras import TABLES, import_extra
+from tensegrity_codegen.system.files import check_ending
+from tensegrity_codegen.system.table_files import require_packages, write_csv, write_mat, write_parquet
 from tensegrity_codegen.tables.quantities.arguments import INPUT_UNITS
 
 MOTION_COLUMN = "motion"  # column of the number of each motion of a batch
@@ -32,15 +36,15 @@ def list_columns(motion: Any) -> dict[str, NDArray[Any]]:
     if motion.node_position.ndim == 3:
         return _list_one(motion)
     motions = list(motion)
-    tables = [_list_one(one) for one in motions]
-    numbers = [np.full(len(one.time), number) for number, one in enumerate(motions)]
+    tables = [_list_one(single) for single in motions]
+    numbers = [np.full(len(single.time), number) for number, single in enumerate(motions)]
     joined = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
     return {MOTION_COLUMN: np.concatenate(numbers), **joined}
 
 
 def list_input_units(structure: Structure | BodySystem | None) -> Mapping[str, str]:
     """Return the unit of each input by its name; empty where the structure is not known."""
-    return {} if structure is None else {item.name: INPUT_UNITS[item.kind] for item in structure.inputs}
+    return {} if structure is None else {input.name: INPUT_UNITS[input.kind] for input in structure.inputs}
 
 
 def _list_one(motion: Any) -> dict[str, NDArray[Any]]:
@@ -62,10 +66,7 @@ def _list_one(motion: Any) -> dict[str, NDArray[Any]]:
 
 
 def build_frame(motion: Any) -> Any:
-    """Return a Trajectory as a pandas.DataFrame over time, a BatchTrajectory over motion and time.
-
-    Raises MissingExtraError where pandas is not installed.
-    """
+    """Return a Trajectory as a pandas.DataFrame over time, a BatchTrajectory over motion and time."""
     pandas = import_extra("pandas", TABLES)
     columns = list_columns(motion)
     names = [name for name in (MOTION_COLUMN, "time [s]") if name in columns]
@@ -76,14 +77,11 @@ def build_frame(motion: Any) -> Any:
 
 
 def build_dataset(motion: Any) -> Any:
-    """Return a Trajectory as an xarray.Dataset; a BatchTrajectory has the axis `motion` first.
-
-    Raises MissingExtraError where xarray is not installed.
-    """
+    """Return a Trajectory as an xarray.Dataset; a BatchTrajectory has the axis `motion` first."""
     xarray = import_extra("xarray", TABLES)
-    first = ("time",) if motion.node_position.ndim == 3 else (MOTION_COLUMN, "time")
+    sample_axes = ("time",) if motion.node_position.ndim == 3 else (MOTION_COLUMN, "time")
     data: dict[str, Any] = {
-        name: ((*first, *axes), getattr(motion, name), {"units": unit, "long_name": meaning})
+        name: ((*sample_axes, *axes), getattr(motion, name), {"units": unit, "long_name": meaning})
         for name, (axes, unit, meaning) in VARIABLES.items()
     }
     coords: dict[str, Any] = {
@@ -92,14 +90,14 @@ def build_dataset(motion: Any) -> Any:
         "member": list(motion.member_name),
         "axis": ["x", "y", "z"],
     }
-    if len(first) == 2:
+    if len(sample_axes) == 2:
         coords[MOTION_COLUMN] = np.arange(len(motion.node_position))
     values, names = getattr(motion, "input", None), getattr(motion, "input_name", ())
     if values is not None:
         units = list_input_units(motion.structure)
         coords["input_name"] = list(names)
         data["input"] = (
-            (*first, "input_name"),
+            (*sample_axes, "input_name"),
             values,
             {"units": ", ".join(units.get(name, "?") for name in names)},
         )
@@ -107,5 +105,38 @@ def build_dataset(motion: Any) -> Any:
     return xarray.Dataset(data, coords=coords, attrs=attributes)
 
 
-def _join(words: str | tuple[str, ...]) -> str:
-    return words if isinstance(words, str) else "; ".join(words)
+def _join(words: str | tuple[str, ...], separator: str = "; ") -> str:
+    return words if isinstance(words, str) else separator.join(words)
+
+
+def _write_csv(motion: Any, path: Path, overwrite: bool) -> None:
+    columns = list_columns(motion)
+    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+    write_csv(path, list(columns), rows, overwrite=overwrite)
+
+
+def _write_parquet(motion: Any, path: Path, overwrite: bool) -> None:
+    texts = {name: _join(getattr(motion, name), "\n") for name in ("status", "message", "method")}
+    write_parquet(path, list_columns(motion), texts, overwrite=overwrite)
+
+
+# Kinds of files by their endings, the usual one first.
+WRITERS: Mapping[str, Callable[[Any, Path, bool], None]] = {
+    ".npz": lambda motion, path, overwrite: write_arrays(path, motion.arrays(), overwrite=overwrite),
+    ".csv": _write_csv,
+    ".parquet": _write_parquet,
+    ".mat": lambda motion, path, overwrite: write_mat(path, motion.arrays(), overwrite=overwrite),
+}
+MOTION_ENDINGS = tuple(WRITERS)
+
+
+def check_motion_file(path: str | Path) -> None:
+    """Raise OutputError for a name with another ending, MissingExtraError where its package is missing."""
+    check_ending(path, *MOTION_ENDINGS)
+    require_packages(path)
+
+
+def write_motion(motion: Any, path: str | Path, *, overwrite: bool) -> None:
+    """Write a Trajectory or BatchTrajectory in the format of the path's ending; without one as .npz."""
+    check_motion_file(path)
+    WRITERS.get(Path(path).suffix.lower(), WRITERS[".npz"])(motion, Path(path), overwrite)
