@@ -49,8 +49,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.pipeline.segment_error import add_segment_error
     from tensegrity_codegen.pipeline.sizing.size_members import size_members
     from tensegrity_codegen.pipeline.sizing.sizing import Sizing
-    from tensegrity_codegen.runtime.analysis.analyse import analyse
-    from tensegrity_codegen.runtime.analysis.analysis import Analysis
+    from tensegrity_codegen.runtime.analysis.analyse import Analysis, analyse
     from tensegrity_codegen.runtime.analysis.stand import stand
     from tensegrity_codegen.runtime.contacts.judge_stand import Stand
     from tensegrity_codegen.runtime.integrate.options import Stepping
@@ -61,17 +60,14 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.profiles.read_profile import read_profile
     from tensegrity_codegen.runtime.records.plan_result import PlanResult
     from tensegrity_codegen.runtime.records.timed_motion import Motion
-    from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
-    from tensegrity_codegen.runtime.sensitivity.sensitivity import equilibrium_sensitivity
+    from tensegrity_codegen.runtime.sensitivity.sensitivity import Sensitivity, equilibrium_sensitivity
     from tensegrity_codegen.runtime.simulate.gradient import MotionGradient, motion_gradient
-    from tensegrity_codegen.runtime.simulate.simulate import simulate
+    from tensegrity_codegen.runtime.simulate.simulate import Until, simulate
     from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
-    from tensegrity_codegen.runtime.simulate.until import Until
     from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
     from tensegrity_codegen.runtime.statics.batch.find_equilibria import find_equilibria
     from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium, SegmentError
-    from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
-    from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+    from tensegrity_codegen.runtime.trajectory.trajectory import BatchTrajectory, Trajectory
     from tensegrity_codegen.scene.read import read_scene
     from tensegrity_codegen.scene.schema.schema import Scene
     from tensegrity_codegen.structure.catenary import Catenary, find_catenary
@@ -186,9 +182,9 @@ _HOME = {
     "Disturbance": "control.feedback.loop.sampled_plant",
     "Draws": "control.feedback.study.stated_errors",
     "Stepping": "runtime.integrate.options",
-    "Until": "runtime.simulate.until",
-    "Analysis": "runtime.analysis.analysis",
-    "BatchTrajectory": "runtime.trajectory.batch_trajectory",
+    "Until": "runtime.simulate.simulate",
+    "Analysis": "runtime.analysis.analyse",
+    "BatchTrajectory": "runtime.trajectory.trajectory",
     "Catenary": "structure.catenary",
     "Cluster": "sweeps.engines.dask_engine",
     "CompiledModel": "runtime.model.model",
@@ -226,7 +222,7 @@ _HOME = {
     "Scene": "scene.schema.schema",
     "RandomGust": "control.feedback.study.stated_errors",
     "SegmentError": "runtime.statics.equilibrium_record",
-    "Sensitivity": "runtime.sensitivity.record",
+    "Sensitivity": "runtime.sensitivity.sensitivity",
     "Sizing": "pipeline.sizing.sizing",
     "size_members": "pipeline.sizing.size_members",
     "Stand": "runtime.contacts.judge_stand",

@@ -12,8 +12,8 @@ import pytest
 from tensegrity_codegen import compile_scene, draw, find_equilibrium, load_scene, read_scene, view
 from tensegrity_codegen.export.export_fmu import export_fmu
 from tensegrity_codegen.runtime.paths.continuation import StepControl, follow_path
+from tensegrity_codegen.runtime.paths.find_equilibrium import find_load_snap, find_snap
 from tensegrity_codegen.runtime.paths.model_path import build_path
-from tensegrity_codegen.runtime.paths.snap import find_load_snap, find_snap
 from tensegrity_codegen.runtime.paths.watches import watch_contact, watch_members, watch_slack, watch_switch
 from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.checks.check import check_structure

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from tensegrity_codegen.analyses.cases.prestressed_scene import Prestressed
     from tensegrity_codegen.analyses.cases.scene_case import SceneCase
-    from tensegrity_codegen.runtime.analysis.analysis import Analysis
+    from tensegrity_codegen.runtime.analysis.analyse import Analysis
     from tensegrity_codegen.runtime.model.model import CompiledModel
 
 NO_PRESTRESS = "no prestress with every cable in tension was found without loads"

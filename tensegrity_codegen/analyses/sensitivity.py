@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tensegrity_codegen.analyses.cases.scene_case import SceneCase
-    from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
+    from tensegrity_codegen.runtime.sensitivity.sensitivity import Sensitivity
 
 EQUILIBRIUM_TOLERANCE = 1e-10
 
@@ -159,7 +159,7 @@ def write_sensitivity(found: "Sensitivity", path: "Path", overwrite: bool) -> No
     """Write a sensitivity to an .npz file: `coordinate`, `tension`, `node`, their names, and the gauge."""
     import numpy as np
 
-    from tensegrity_codegen.runtime.model.array_file import write_arrays
+    from tensegrity_codegen.runtime.model.arrays import write_arrays
 
     arrays = {name: getattr(found, name) for name in ("coordinate", "tension", "node", "gauge_motion")}
     words = ("coordinate_name", "node_name", "member_name", "column_name", "gauge", "slack", "one_sided")

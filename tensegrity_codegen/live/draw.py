@@ -16,8 +16,7 @@ from tensegrity_codegen.report.pictures.view import (
     read_size,
     read_view,
 )
-from tensegrity_codegen.runtime.analysis.analyse import analyse
-from tensegrity_codegen.runtime.analysis.analysis import Analysis
+from tensegrity_codegen.runtime.analysis.analyse import Analysis, analyse
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.plan_result import PlanResult
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium

@@ -24,7 +24,7 @@ from tensegrity_codegen.report.pictures.view import (
     check_tension,
     check_trajectory,
 )
-from tensegrity_codegen.runtime.analysis.analysis import Analysis
+from tensegrity_codegen.runtime.analysis.analyse import Analysis
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.limits import MEMBER_LIMITS

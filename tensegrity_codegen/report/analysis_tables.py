@@ -11,10 +11,10 @@ from rich.table import Table
 from tensegrity_codegen.report.long_table import LongTable, add_row, new_table, rank_rows
 from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.report.tables import classes_table, rank_members
-from tensegrity_codegen.runtime.analysis.analysis import Analysis
+from tensegrity_codegen.runtime.analysis.analyse import Analysis
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.runtime.analysis.prestress import Prestress
-from tensegrity_codegen.runtime.model.array_file import write_arrays
+from tensegrity_codegen.runtime.model.arrays import write_arrays
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS
 from tensegrity_codegen.structure.structure import Structure

@@ -13,7 +13,7 @@ from tensegrity_codegen.report.pages.page import Page
 from tensegrity_codegen.runtime.contacts.rest_memory import name_plastic
 from tensegrity_codegen.runtime.paths.load_path import LoadPath, PathEvent
 from tensegrity_codegen.runtime.paths.model_path import ModelPath
-from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
+from tensegrity_codegen.runtime.sensitivity.sensitivity import Sensitivity
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import name_list
 from tensegrity_codegen.system.files import check_ending, plain, write_text

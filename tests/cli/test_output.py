@@ -30,7 +30,7 @@ from tensegrity_codegen.runtime.linear.linearize import LinearModel
 from tensegrity_codegen.runtime.linear.spectrum import Spectrum
 from tensegrity_codegen.runtime.paths.load_path import PathEvent
 from tensegrity_codegen.runtime.records.plan_result import PlanResult
-from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
+from tensegrity_codegen.runtime.sensitivity.sensitivity import Sensitivity
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.member_limits import check_members

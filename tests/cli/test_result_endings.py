@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from tensegrity_codegen.runtime.model.array_file import read_arrays
+from tensegrity_codegen.runtime.model.arrays import read_arrays
 from tests.cli.conftest import Run, write_example
 
 SIMULATE = ("--t-end", "0.05", "--samples", "6", "--json")

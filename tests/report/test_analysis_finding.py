@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.report.analysis_tables import describe_analysis_finding
-from tensegrity_codegen.runtime.analysis.analyse import analyse
-from tensegrity_codegen.runtime.analysis.analysis import Analysis
+from tensegrity_codegen.runtime.analysis.analyse import Analysis, analyse
 from tensegrity_codegen.structure.member_limits import Exceeded
 from tests.reference import ReferenceModel
 from tests.runtime.build import cable, make_structure, prism

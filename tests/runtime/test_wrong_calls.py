@@ -22,7 +22,7 @@ from tensegrity_codegen import (
 )
 from tensegrity_codegen.cli.scene_files import list_examples
 from tensegrity_codegen.runtime.integrate.options import Stepping
-from tensegrity_codegen.runtime.simulate.until import Until
+from tensegrity_codegen.runtime.simulate.simulate import Until
 from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError
 from tests.wrong_calls import list_bare_errors
 

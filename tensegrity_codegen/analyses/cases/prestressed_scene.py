@@ -20,7 +20,7 @@ from tensegrity_codegen.system.errors import (
 )
 
 if TYPE_CHECKING:
-    from tensegrity_codegen.runtime.analysis.analysis import Analysis
+    from tensegrity_codegen.runtime.analysis.analyse import Analysis
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.tables.request import ModelRequest
 

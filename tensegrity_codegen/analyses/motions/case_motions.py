@@ -23,7 +23,7 @@ from tensegrity_codegen.runtime.model.interface import require_double
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.condition_text import POSITION
 from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
-from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
+from tensegrity_codegen.runtime.trajectory.trajectory import BatchTrajectory
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.tables.quantities import QUANTITIES
 

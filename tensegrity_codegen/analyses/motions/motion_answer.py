@@ -12,8 +12,7 @@ if TYPE_CHECKING:
 
     from tensegrity_codegen.analyses.cases.scene_case import SceneCase
     from tensegrity_codegen.runtime.integrate.event_log import EventLog
-    from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
-    from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+    from tensegrity_codegen.runtime.trajectory.trajectory import BatchTrajectory, Trajectory
     from tensegrity_codegen.structure.member_limits import MemberFlaws
 
 MAX_EVENTS = 10  # in the text

@@ -17,9 +17,8 @@ from tensegrity_codegen.runtime.integrate.raw_results import STOPPED_AT
 from tensegrity_codegen.runtime.paths.find_equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.simulate.condition import find_quantities
 from tensegrity_codegen.runtime.simulate.motion_input import read_starts
-from tensegrity_codegen.runtime.simulate.simulate import simulate
+from tensegrity_codegen.runtime.simulate.simulate import CONTACT_QUANTITIES, Until, simulate
 from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
-from tensegrity_codegen.runtime.simulate.until import CONTACT_QUANTITIES, Until
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.scene.checks.plausible_start import warn_of_sampled_contacts
 from tensegrity_codegen.scene.subject import Subject

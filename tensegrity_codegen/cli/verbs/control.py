@@ -63,7 +63,7 @@ def control(
     with output.guard(scene):
         from tensegrity_codegen.analyses.plans.held_motion import FeedbackDesign
         from tensegrity_codegen.pipeline.build_library import MANY_CALLS
-        from tensegrity_codegen.runtime.model.array_file import write_arrays
+        from tensegrity_codegen.runtime.model.arrays import write_arrays
 
         inputs = [scene, *(file for file in (held.plan, design.weights) if file is not None)]
         check_result(out, ".npz", inputs=inputs, overwrite=overwrite)

@@ -12,7 +12,7 @@ from tensegrity_codegen.control.planning.plan_point import PlanModel, PlanPoint
 from tensegrity_codegen.control.planning.step_problem import Margins, find_fewest_limits
 from tensegrity_codegen.control.planning.targets import Targets
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
-from tensegrity_codegen.runtime.model.array_file import write_arrays
+from tensegrity_codegen.runtime.model.arrays import write_arrays
 from tensegrity_codegen.runtime.records.plan_result import (
     LIMIT_WORDS,
     Binding,

@@ -1,4 +1,12 @@
-"""Standing: whether the ground can hold a structure in a given shape, as a rigid whole."""
+"""Standing: whether the ground can hold a structure in a given shape, as a rigid whole.
+
+Feet at x_i carry f_i = N_i n - F_i with |F_i| <= mu N_i. They balance the wrench W of weights and loads if
+
+    G f + W = 0,  G f = (sum f_i, sum x_i x f_i)
+
+Otherwise (Farkas) there is a rigid motion w with W . w > 0 whose velocities u_i at the feet have
+n . u_i >= mu |u_i in the plane|: no force of the ground can take up the energy that the loads give.
+"""
 
 from dataclasses import dataclass, replace
 from typing import Any

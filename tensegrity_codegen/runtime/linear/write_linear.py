@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from tensegrity_codegen.runtime.model.array_file import write_arrays
+from tensegrity_codegen.runtime.model.arrays import write_arrays
 from tensegrity_codegen.system.files import check_ending
 from tensegrity_codegen.system.table_files import write_csv, write_mat
 

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.runtime.model.arguments import check_argument_names, merge_inputs
 from tensegrity_codegen.runtime.model.arrays import to_array
-from tensegrity_codegen.runtime.model.batch import BatchFunction
-from tensegrity_codegen.runtime.model.library import LoadedLibrary, raise_for_status
+from tensegrity_codegen.runtime.model.library import BatchFunction, LoadedLibrary, raise_for_status
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.checks import check_instance, check_path

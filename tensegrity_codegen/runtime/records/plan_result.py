@@ -157,7 +157,7 @@ class Block:
             "progress": self.progress,
             "target": self.target.tolist(),
             "least_progress": self.least_progress,
-            "binding": [input_range.as_dict() for input_range in self.binding],
+            "binding": [binding.as_dict() for binding in self.binding],
             "reason": self.reason,
             "fewest": [{"limit": limit, "name": name} for limit, name in self.fewest],
             "is_fewest": self.is_fewest,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 
-from tensegrity_codegen.runtime.model.array_file import write_arrays
+from tensegrity_codegen.runtime.model.arrays import write_arrays
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.system.arrays import FloatArray

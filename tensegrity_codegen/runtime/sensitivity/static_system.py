@@ -5,6 +5,15 @@
     dt = T dx + diag(s) drho        tensions of springs follow; those of rigid bars are unknowns
 
 K: tangent stiffness, with that of the forces in rigid bars; F = df/drho; T = dt/dx; s = dt/drho.
+
+They are solved by one sparse factorisation of the stiffness bordered by rigid bars and by a gauge.
+
+    [K J^T C^T] [dx]   [right]        K R = 0, J R = 0: rigid motions that cost no force
+    [J  0   0 ] [dt] = [dl   ]        C R regular: rows that hold them
+    [C  0   0 ] [mu]   [0    ]        mu = 0 up to rounding: forces within the structure are orthogonal to R
+
+The block of the inverse that belongs to dx, with R projected off, is Z (Z^T K Z)^-1 Z^T with Z the directions
+orthogonal to J and R: its largest eigenvalue is one over the eigenvalue of the stiffness nearest zero.
 """
 
 from dataclasses import dataclass

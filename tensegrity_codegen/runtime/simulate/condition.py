@@ -3,6 +3,9 @@
 What it may say is in condition_text.py. An event is where its sign changes. One comparison of two such
 parts, `top.z < 0.1`, stands for a difference that is positive where it holds. `min`, `max` and `sum` of
 several arguments take all numbers of all of them.
+
+Its parts are functions of the values of its names: each computes one number or array from the values at one
+state; or of many states, where the values have one more axis behind their own, which the result has too.
 """
 
 import ast

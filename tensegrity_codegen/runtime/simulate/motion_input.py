@@ -11,8 +11,14 @@ from tensegrity_codegen.runtime.integrate.methods import find_method, list_metho
 from tensegrity_codegen.runtime.integrate.motion import Motion, Schedule
 from tensegrity_codegen.runtime.integrate.options import MAX_SAMPLES, RunOptions, check_options
 from tensegrity_codegen.runtime.model.arguments import INPUT, check_arguments, merge_inputs, unify_name
-from tensegrity_codegen.runtime.model.array_file import UNREADABLE, read_arrays, read_names
-from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_array
+from tensegrity_codegen.runtime.model.arrays import (
+    UNREADABLE,
+    check_finite,
+    check_shape,
+    read_arrays,
+    read_names,
+    to_array,
+)
 from tensegrity_codegen.runtime.model.interface import Model, require_double, require_model
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.driven import (

@@ -25,8 +25,8 @@ from tensegrity_codegen.runtime.integrate.options import (
 from tensegrity_codegen.runtime.integrate.raw_results import NOT_ESTIMATED, RawBatch
 from tensegrity_codegen.runtime.model.arguments import check_arguments, merge_inputs
 from tensegrity_codegen.runtime.model.arrays import agree_on_rows, to_batch
-from tensegrity_codegen.runtime.model.batch import check_threads
 from tensegrity_codegen.runtime.model.interface import require_model
+from tensegrity_codegen.runtime.model.library import check_threads
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.simulate.motion_input import (
@@ -35,11 +35,10 @@ from tensegrity_codegen.runtime.simulate.motion_input import (
     make_consistent,
 )
 from tensegrity_codegen.runtime.simulate.simulate import simulate
-from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
 from tensegrity_codegen.runtime.trajectory.evaluate import evaluate_batch, select_motion
 from tensegrity_codegen.runtime.trajectory.sampled import SAMPLED, STATE
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import require_simulation
-from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tensegrity_codegen.runtime.trajectory.trajectory import BatchTrajectory, Trajectory
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_callback, with_moved
 from tensegrity_codegen.system.errors import NonFiniteError

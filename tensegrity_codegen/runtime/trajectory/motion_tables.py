@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.runtime.model.array_file import write_arrays
+from tensegrity_codegen.runtime.model.arrays import write_arrays
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.extras import TABLES, import_extra

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.runtime.model.array_file import UNREADABLE, read_arrays
+from tensegrity_codegen.runtime.model.arrays import UNREADABLE, read_arrays
 from tensegrity_codegen.runtime.trajectory.sampled import SAMPLED, WORDS
 from tensegrity_codegen.runtime.trajectory.trajectory import ContactSamples, Trajectory
 from tensegrity_codegen.structure.structure import Structure

@@ -11,8 +11,7 @@ from tensegrity_codegen.runtime.integrate.event_log import Watch
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions, Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.simulate.simulate import simulate
-from tensegrity_codegen.runtime.simulate.until import Until
+from tensegrity_codegen.runtime.simulate.simulate import Until, simulate
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError

@@ -11,7 +11,7 @@ from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
-from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
+from tensegrity_codegen.runtime.trajectory.trajectory import BatchTrajectory
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough

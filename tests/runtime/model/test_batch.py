@@ -9,7 +9,7 @@ import pytest
 from scipy import sparse
 
 from tensegrity_codegen.pipeline.build_library import build_library
-from tensegrity_codegen.runtime.model.batch import SparseBatch
+from tensegrity_codegen.runtime.model.library import SparseBatch
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.system.errors import InvalidValueError, LibraryError, NonFiniteError, UnknownNameError
 from tensegrity_codegen.tables.request import ModelRequest

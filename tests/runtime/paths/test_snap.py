@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.runtime.paths.snap import Snap, find_load_snap, find_snap
+from tensegrity_codegen.runtime.paths.find_equilibrium import Snap, find_load_snap, find_snap
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.structure.structure import Structure
 from tests.cases import thorough

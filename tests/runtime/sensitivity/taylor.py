@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
+from tensegrity_codegen.runtime.sensitivity.sensitivity import Sensitivity
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 

@@ -14,8 +14,7 @@ from tensegrity_codegen.pipeline.analyses import find_needs
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.sensitivity import static_system
-from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
-from tensegrity_codegen.runtime.sensitivity.sensitivity import equilibrium_sensitivity
+from tensegrity_codegen.runtime.sensitivity.sensitivity import Sensitivity, equilibrium_sensitivity
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem, find_equilibrium
 from tensegrity_codegen.runtime.statics.on_ground import continue_on_ground
 from tensegrity_codegen.structure.bodies import BodySystem

@@ -9,8 +9,7 @@ from scipy.integrate import solve_ivp
 
 from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.simulate.simulate import simulate
-from tensegrity_codegen.runtime.simulate.until import CONTACT_QUANTITIES, Until
+from tensegrity_codegen.runtime.simulate.simulate import CONTACT_QUANTITIES, Until, simulate
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError
 from tests.body_scenes import example

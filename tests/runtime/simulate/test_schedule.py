@@ -8,8 +8,7 @@ import pytest
 from tensegrity_codegen.runtime.integrate.methods import METHODS
 from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.simulate.simulate import simulate
-from tensegrity_codegen.runtime.simulate.until import Until
+from tensegrity_codegen.runtime.simulate.simulate import Until, simulate
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
 from tests.cases import thorough

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tensegrity_codegen.runtime.trajectory.balance import balance_energy
+from tensegrity_codegen.runtime.trajectory.evaluate import balance_energy
 
 TIME = np.linspace(0.0, 1.0, 5)
 NOISE = np.array([0.0, 3e-27, 1e-28, 2e-27, 1e-26])  # [J], of a structure of 20 m that nothing moves

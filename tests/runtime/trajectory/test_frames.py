@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen import compile_scene, simulate, simulate_batch
-from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
 from tensegrity_codegen.runtime.trajectory.motion_tables import list_columns
-from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tensegrity_codegen.runtime.trajectory.trajectory import BatchTrajectory, Trajectory
 from tensegrity_codegen.system.errors import MissingExtraError
 
 SCENE = {

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.control.feedback.equilibrium_path import EquilibriumPath
-from tensegrity_codegen.runtime.model.array_file import UNREADABLE, read_arrays
+from tensegrity_codegen.runtime.model.arrays import UNREADABLE, read_arrays
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, SceneSyntaxError, describe_reason, name_list

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.model.arguments import check_argument_names, merge_inputs
 from tensegrity_codegen.runtime.model.arrays import agree_on_rows, to_batch
-from tensegrity_codegen.runtime.model.batch import check_threads
 from tensegrity_codegen.runtime.model.interface import require_double, require_model
+from tensegrity_codegen.runtime.model.library import check_threads
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria, EquilibriaTable
 from tensegrity_codegen.runtime.statics.batch.points import BatchProblem, Points, take

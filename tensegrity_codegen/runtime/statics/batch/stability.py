@@ -1,4 +1,9 @@
-"""Stability of many configurations, and distances of nodes from the start without neutral motions."""
+"""Stability of many configurations, and distances of nodes from the start without neutral motions.
+
+For distances the start is moved along the neutral motions as near as possible to the end (neutral_motion.py).
+For no neutral motion, slides alone, a turn with the slides across its axis, and all rigid motions that is the
+mean displacement and the best turn (W. Kabsch, Acta Cryst. A 32, 1976).
+"""
 
 from dataclasses import dataclass
 

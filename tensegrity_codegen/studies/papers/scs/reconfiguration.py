@@ -16,7 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.optimize import brentq
 
-from tensegrity_codegen.runtime.model.array_file import write_arrays
+from tensegrity_codegen.runtime.model.arrays import write_arrays
 from tensegrity_codegen.studies.papers.scs.symmetry import CROSSING, GROUPS, SymmetricPose, SymmetricTower
 from tensegrity_codegen.symbolic.restriction import Control
 from tensegrity_codegen.system.arrays import FloatArray

@@ -222,7 +222,7 @@ def test_errors_that_decay_slowly_are_waited_for(study: ControlStudy, motion: Mo
 
 
 def test_arrays_have_every_loop_and_can_be_read_without_pickle(study: ControlStudy, tmp_path: Any) -> None:
-    from tensegrity_codegen.runtime.model.array_file import read_arrays, write_arrays
+    from tensegrity_codegen.runtime.model.arrays import read_arrays, write_arrays
 
     write_arrays(tmp_path / "study.npz", study.arrays(), overwrite=False)
     data = read_arrays(tmp_path / "study.npz")
