@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.schema.body_schema import LOAD_TAGS, load_tag
 from tensegrity_codegen.scene.schema.schema import scene_json_schema
-from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError, name_list, suggest
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError, suggest
 
 NUMBERS = ("number", "integer")
 
