@@ -42,13 +42,11 @@ if TYPE_CHECKING:
     from tensegrity_codegen.live.live_page import LivePage, view
     from tensegrity_codegen.pipeline.build_library import build_library
     from tensegrity_codegen.pipeline.compile_scene import compile_scene, load_scene
-    from tensegrity_codegen.pipeline.forming.form import form
-    from tensegrity_codegen.pipeline.forming.formed import Form
+    from tensegrity_codegen.pipeline.forming.form import Form, form
     from tensegrity_codegen.pipeline.motion_function import motion_function
     from tensegrity_codegen.pipeline.scene_functions import SymbolicFunctions, symbolic_functions
     from tensegrity_codegen.pipeline.segment_error import add_segment_error
-    from tensegrity_codegen.pipeline.sizing.size_members import size_members
-    from tensegrity_codegen.pipeline.sizing.sizing import Sizing
+    from tensegrity_codegen.pipeline.sizing.size_members import Sizing, size_members
     from tensegrity_codegen.runtime.analysis.analyse import Analysis, analyse
     from tensegrity_codegen.runtime.analysis.stand import stand
     from tensegrity_codegen.runtime.contacts.judge_stand import Stand
@@ -204,7 +202,7 @@ _HOME = {
     "Gait": "sweeps.gaits.gait",
     "Walk": "sweeps.gaits.gait",
     "design_gait": "sweeps.gaits.gait",
-    "Form": "pipeline.forming.formed",
+    "Form": "pipeline.forming.form",
     "form": "pipeline.forming.form",
     "Gust": "control.feedback.loop.sampled_plant",
     "LinearModel": "runtime.linear.linearize",
@@ -223,7 +221,7 @@ _HOME = {
     "RandomGust": "control.feedback.study.stated_errors",
     "SegmentError": "runtime.statics.equilibrium_record",
     "Sensitivity": "runtime.sensitivity.sensitivity",
-    "Sizing": "pipeline.sizing.sizing",
+    "Sizing": "pipeline.sizing.size_members",
     "size_members": "pipeline.sizing.size_members",
     "Stand": "runtime.contacts.judge_stand",
     "StatedErrors": "control.feedback.study.stated_errors",

@@ -13,7 +13,7 @@ from tensegrity_codegen.system.files import write_text
 from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
 
 if TYPE_CHECKING:
-    from tensegrity_codegen.pipeline.forming.formed import Form
+    from tensegrity_codegen.pipeline.forming.form import Form
     from tensegrity_codegen.report.pictures.view import PictureChoices
     from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
     from tensegrity_codegen.scene.subject import Subject
@@ -46,13 +46,9 @@ def check_kind(out: Path, trajectory: Path | None, options: ShowOptions) -> None
 
     suffix = check_suffix(out, (*PICTURE_SUFFIXES, *ANIMATED, PAGE), where="--out")
     if suffix in ANIMATED and trajectory is None:
-        raise InvalidValueError(
-            "a film needs a motion",
-            where="--trajectory",
-            given=None,
-            allowed="an .npz file of the verb simulate",
-            hint="tensegrity-codegen simulate SCENE --t-end 1 --out FILE.npz first",
-        )
+        problem, allowed = "a film needs a motion", "an .npz file of the verb simulate"
+        hint = "tensegrity-codegen simulate SCENE --t-end 1 --out FILE.npz first"
+        raise InvalidValueError(problem, where="--trajectory", given=None, allowed=allowed, hint=hint)
     is_page, choices = suffix == PAGE, options.choices
     color = choices.color if options.is_color_given else None
     # Options with their values, whether this file can have them, why not, which can
@@ -79,13 +75,12 @@ def check_kind(out: Path, trajectory: Path | None, options: ShowOptions) -> None
             "a live page has controls for this", "with pictures and films",
         ),
     )  # fmt: skip
-    for given, is_allowed, problem, allowed in rules:
-        for where, value in given.items():
+    for values, is_allowed, problem, allowed in rules:
+        for option, value in values.items():
             if value is not None and not is_allowed:
                 shown = "x".join(map(str, value)) if isinstance(value, tuple) else value
-                raise InvalidValueError(
-                    problem, where=where, given=shown, allowed=allowed, hint=f"{out.name} without {where}"
-                )
+                hint = f"{out.name} without {option}"
+                raise InvalidValueError(problem, where=option, given=shown, allowed=allowed, hint=hint)
 
 
 def show_picture(
@@ -107,15 +102,15 @@ def show_picture(
     if unknown:
         data["n_unknown"] = unknown
     data |= describe_left_out(output, subject, options.choices.labels)
-    other = describe_other_loads(subject, motion)
-    if other and options.choices.forces:
-        output.warn(other)
-    text = f"wrote {out}"
+    undrawn = describe_other_loads(subject, motion)
+    if undrawn and options.choices.forces:
+        output.warn(undrawn)
+    summary = f"wrote {out}"
     if unknown:
-        text += f"; {unknown} tension{'s' * (unknown > 1)} unknown"
+        summary += f"; {unknown} tension{'s' * (unknown > 1)} unknown"
         if isinstance(subject, Structure) and not options.settle:
-            text += ", which --settle shows at the equilibrium"
-    return data, text
+            summary += ", which --settle shows at the equilibrium"
+    return data, summary
 
 
 def _write_motion(
@@ -159,8 +154,8 @@ def _write_scene(
         from tensegrity_codegen.pipeline.settle import find_settled
 
         output.entitle("finding the equilibrium")
-        settled, found = find_settled(subject, request, warn=output.warn)
-        shot = replace(find_shot(found), subject=settled, note="")
+        settled, equilibrium = find_settled(subject, request, warn=output.warn)
+        shot = replace(find_shot(equilibrium), subject=settled, note="")
     else:
         shot = Shot(subject, rigid=find_rigid(subject, request))
         if isinstance(subject, Structure) and subject.ground is None and options.choices.forces:
@@ -192,10 +187,10 @@ def describe_left_out(
     from tensegrity_codegen.report.pictures.marks import choose_names
     from tensegrity_codegen.structure.outline import outline_bodies
 
-    _, left = choose_names(outline_bodies(subject), labels, most)
-    for item in left:
-        output.warn(item.describe())
-    rows = [{"kind": item.kind, "count": item.count, "limit": item.limit} for item in left]
+    _, omitted = choose_names(outline_bodies(subject), labels, most)
+    for entry in omitted:
+        output.warn(entry.describe())
+    rows = [{"kind": entry.kind, "count": entry.count, "limit": entry.limit} for entry in omitted]
     return {"labels_left_out": rows} if rows else {}
 
 
@@ -242,19 +237,19 @@ def show_live(
     subject, request = output.load(scene, settles=options.settle)
     motion = None if trajectory is None else read_trajectory(trajectory, outline_tendons(subject))
     module, licence = find_three(options.three)
-    known: dict[str, Any] = {"rigid": find_rigid(subject, request)}
+    tensions_known: dict[str, Any] = {"rigid": find_rigid(subject, request)}
     if options.settle:
-        subject, found = find_settled(subject, request, warn=output.warn)
-        known = {"tension": found.member_tension}
+        subject, equilibrium = find_settled(subject, request, warn=output.warn)
+        tensions_known = {"tension": equilibrium.member_tension}
     analysis, note = find_modes(
         subject, request, USUAL_MODES if options.modes is None else options.modes, output.warn
     )
     choices = options.choices
     start = LiveStart(choices.view, choices.labels, choices.follow)
-    shown = build_live_scene(subject, motion, analysis, modes_note=note, start=start, **known)
-    text = render_live(replace(shown, warnings=tuple(output.warned)), module, licence)
-    write_text(text, out, overwrite=options.overwrite)
-    size = len(text.encode("utf-8"))
+    shown = build_live_scene(subject, motion, analysis, modes_note=note, start=start, **tensions_known)
+    html = render_live(replace(shown, warnings=tuple(output.warned)), module, licence)
+    write_text(html, out, overwrite=options.overwrite)
+    size = len(html.encode("utf-8"))
     data = {
         "status": "ok",
         "out": str(out),
@@ -290,34 +285,33 @@ def play_live(
     from tensegrity_codegen.runtime.profiles.read_profile import read_profile
 
     if not 1e-12 <= rtol <= 1e-2:
-        raise InvalidValueError(
-            "the tolerance is out of range", where="--rtol", given=rtol, allowed="1e-12 to 1e-2"
-        )
+        problem = "the tolerance is out of range"
+        raise InvalidValueError(problem, where="--rtol", given=rtol, allowed="1e-12 to 1e-2")
     check_choice(method, METHODS, "method", "--method")
     subject, request = output.load(scene, settles=settle)
-    wanted = request_play(subject, request, method)
-    check_buildable(subject, wanted)
-    schedule = None if profile is None else read_profile(profile, [item.name for item in subject.inputs])
+    model_request = request_play(subject, request, method)
+    check_buildable(subject, model_request)
+    schedule = None if profile is None else read_profile(profile, [source.name for source in subject.inputs])
     output.warn(*list_excesses(schedule, subject))
     module, licence = find_three(three)
     if settle:
         subject, _ = find_settled(subject, request, warn=output.warn)
-    built = build_library(subject, wanted, target="wasm32", calls=MANY_CALLS)
+    built = build_library(subject, model_request, target="wasm32", calls=MANY_CALLS)
     shown = build_live_scene(subject, start=LiveStart(follow=schedule is not None))
     module_bytes = built.path.read_bytes()
     running = add_engine(
         shown, subject, built.manifest, module_bytes, rtol=rtol, method=method, profile=schedule
     )
-    text = render_live(replace(running, warnings=tuple(output.warned)), module, licence)
-    write_text(text, out, overwrite=overwrite)
-    size = len(text.encode("utf-8"))
+    html = render_live(replace(running, warnings=tuple(output.warned)), module, licence)
+    write_text(html, out, overwrite=overwrite)
+    size = len(html.encode("utf-8"))
     data = {
         "status": "ok",
         "out": str(out),
         "bytes": size,
         "module_bytes": built.path.stat().st_size,
         "integrator": running.data["engine"]["method"],
-        "integrators": [item.name for item in built.manifest.integrators],
+        "integrators": [source.name for source in built.manifest.integrators],
         "rtol": rtol,
         "sliders": [slider["label"] for slider in running.data["engine"]["sliders"]],
     }
@@ -336,10 +330,7 @@ def form_live(found: "Form", density: Mapping[str, float], out: Path, overwrite:
 
 
 def request_play(subject: "Subject", request: "ModelRequest", method: str = "auto") -> "ModelRequest":
-    """Return the request for a model that runs in a page: loads, gravity and damping change at run time.
-
-    method: integrator with which the page starts; the stiff one is offered besides where there is one.
-    """
+    """Return the request for a model that runs in a page: loads, gravity and damping change at run time."""
     import numpy as np
 
     from tensegrity_codegen.live.engine import EXPLICIT
@@ -350,21 +341,21 @@ def request_play(subject: "Subject", request: "ModelRequest", method: str = "aut
     shown = [name for name in needs.quantities if name in SHOWN]
     cables = tuple(int(e) for e in np.flatnonzero(subject.tension_only & (subject.mu > 0)))
     parameters = {"node_load": tuple(range(subject.n_nodes)), "gravity": (), "damping": cables}
-    kept = {name: rows for name, rows in parameters.items() if rows or name == "gravity"}
+    changeable = {name: rows for name, rows in parameters.items() if rows or name == "gravity"}
     offered = (
         (EXPLICIT, STIFF_INTEGRATOR) if method == STIFF_INTEGRATOR or _offers_stiff(subject) else (EXPLICIT,)
     )
-    wanted = request.wanting(*shown, integrators=offered, parameters=kept)
-    wanted = replace(
-        wanted, events=(), precision="double", batch_width=0, interfaces=(), keep=(), driven=("pull",)
+    model_request = request.wanting(*shown, integrators=offered, parameters=changeable)
+    model_request = replace(
+        model_request, events=(), precision="double", batch_width=0, interfaces=(), keep=(), driven=("pull",)
     )
     try:
-        check_buildable(subject, wanted)
+        check_buildable(subject, model_request)
     except FormulationError:
         if method == STIFF_INTEGRATOR:
             raise
-        return replace(wanted, integrators=(EXPLICIT,))
-    return wanted
+        return replace(model_request, integrators=(EXPLICIT,))
+    return model_request
 
 
 def _offers_stiff(subject: "Subject") -> bool:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.live.live_scene import LiveScene, pack
 from tensegrity_codegen.pipeline.forming.force_density import static_load
-from tensegrity_codegen.pipeline.forming.formed import Form
-from tensegrity_codegen.pipeline.forming.statements import find_members
+from tensegrity_codegen.pipeline.forming.form import Form
+from tensegrity_codegen.pipeline.forming.targets import find_members
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.structure.actuators import Actuator
 from tensegrity_codegen.structure.bodies import Bar, BodyInput, BodySystem, RigidBody

@@ -68,17 +68,14 @@ class Needs:
 
 
 def equilibrium_quantities(structure: Subject, request: ModelRequest) -> tuple[str, ...]:
-    """Return the quantities that find_equilibrium needs.
-
-    request: its formulation decides.
-    """
+    """Return the quantities that find_equilibrium needs, by the formulation of the request."""
     from tensegrity_codegen.runtime.statics.equilibrium import equilibrium_quantities as of_formulation
 
     turning = isinstance(structure, BodySystem) and structure.has_unpotential_load
-    more = ("unpotential_force",) if turning else REST_QUANTITIES if structure.yields.any() else ()
+    extra = ("unpotential_force",) if turning else REST_QUANTITIES if structure.yields.any() else ()
     relaxed = RELAXED_QUANTITIES if structure.relaxes.any() else ()
     rings = RING_QUANTITIES if structure.sliding else ()
-    return (*of_formulation(request.formulation), *more, *relaxed, *rings)
+    return (*of_formulation(request.formulation), *extra, *relaxed, *rings)
 
 
 def balance_energy(structure: Subject, request: ModelRequest) -> Subject:
@@ -164,8 +161,9 @@ def _load_path(structure: Subject, request: ModelRequest, method: str, rtol: flo
 
 def _analyse(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
     masses = () if isinstance(structure, Structure) and find_massless(structure).any() else ("mass_matrix",)
-    apart = ("bar_distance",) if structure.n_bar_pairs and math.isfinite(structure.limits.clearance) else ()
-    return Needs((*equilibrium_quantities(structure, request), "equilibrium_matrix", *masses, *apart))
+    has_clearance = structure.n_bar_pairs and math.isfinite(structure.limits.clearance)
+    distances = ("bar_distance",) if has_clearance else ()
+    return Needs((*equilibrium_quantities(structure, request), "equilibrium_matrix", *masses, *distances))
 
 
 def _plan(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
@@ -222,15 +220,7 @@ ANALYSES: Mapping[str, Callable[[Subject, ModelRequest, str, float], Needs]] = {
 def find_needs(
     analysis: str, structure: Subject, request: ModelRequest, *, method: str = "", rtol: float = 1e-6
 ) -> Needs:
-    """Return what an analysis needs of a library.
-
-    analysis: one of ANALYSES.
-    request: its formulation decides which quantities are needed.
-    method: method of the simulations, as for `simulate`; by default that of the analysis.
-    rtol: relative tolerance of the simulations.
-    Raises UnknownNameError: an unknown analysis or method; FormulationError: the analysis does not know the
-    ground of the structure.
-    """
+    """Return the needs of an analysis, one of ANALYSES, with a method and tolerance of simulations."""
     check_choice(analysis, ANALYSES, "analysis", "for_")
     check_analysis(structure, analysis)
     if analysis not in ANALYSES_WITH_RING_FRICTION:
@@ -253,8 +243,8 @@ def want_analyses(
     besides: Needs = Needs(()),
 ) -> ModelRequest:
     """Return the request with all that the analyses need, and `besides`, added; raises as `find_needs`."""
-    needs = [find_needs(item, structure, request, method=method, rtol=rtol) for item in analyses]
+    needs = [find_needs(analysis, structure, request, method=method, rtol=rtol) for analysis in analyses]
     interfaces = () if needs else request.interfaces
-    for item in (*needs, besides):
-        request = item.besides(request)
+    for addition in (*needs, besides):
+        request = addition.besides(request)
     return replace(request, interfaces=interfaces)

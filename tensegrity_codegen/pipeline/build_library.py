@@ -85,9 +85,8 @@ class BuiltLibrary(Summarised):
     def path(self) -> Path:
         """Path of the shared library."""
         if self.entry.library is None:
-            raise LibraryError(
-                "the cache entry has no library", where=str(self.entry.folder), hint="build again"
-            )
+            problem = "the cache entry has no library"
+            raise LibraryError(problem, where=str(self.entry.folder), hint="build again")
         return self.entry.library
 
     def load(self, *, precision: str | None = None) -> CompiledModel:
@@ -127,7 +126,7 @@ class BuiltLibrary(Summarised):
         contents.pop("compile.log", None)
         sources = [name for name in contents if name.endswith(".c") and name != "example.c"]
         bundle = emit_bundle(self.manifest, sources, self.path.name)
-        contents |= {name: text.encode("utf-8") for name, text in bundle.items()}
+        contents |= {name: content.encode("utf-8") for name, content in bundle.items()}
         if wheel:
             contents |= dict([build_wheel(self.manifest, self.path)])
         return write_folder(folder, contents, overwrite=overwrite, inputs=inputs, listed=True)
@@ -210,7 +209,7 @@ def build_library(
     identity = _Identity.of(structure, request)
     request_key = _request_key(identity, toolchain, kind)
     entry, manifest = _find(cache, request_key, identity)
-    found = entry is not None
+    is_cached = entry is not None
 
     def build_again() -> BuiltLibrary:
         assert entry is not None
@@ -245,11 +244,11 @@ def build_library(
         manifest=manifest,
         compiler=f"zig {tool.version}" if tool.name == "zig" else tool.version,
         flags=" ".join(flag_set.options),
-        from_cache=found,
+        from_cache=is_cached,
         seconds=time.perf_counter() - started,
         why_emitter=str(cache.lookup_note(request_key).get("why_emitter", "")),
         structure=structure,
-        build_again=build_again if found else None,
+        build_again=build_again if is_cached else None,
     )
 
 
@@ -277,14 +276,14 @@ def check_buildable(structure: Subject, request: ModelRequest) -> None:
 class _Identity:
     """What a library in the cache must have been made from.
 
-    structure, request: their hashes; scene: hash of both without what the generator settles itself (emitter,
-    quantities, events), kept beside the library; wanted: quantities that the library must have.
+    structure, request: their hashes; scene: hash of both without what the generator settles itself
+    (emitter, quantities, events), kept beside the library.
     """
 
     structure: str
     request: str
     scene: str
-    wanted: frozenset[str]
+    wanted: frozenset[str]  # quantities that the library must have
 
     @classmethod
     def of(cls, structure: Subject, request: ModelRequest) -> "_Identity":
@@ -330,7 +329,7 @@ def _emit(
     from tensegrity_codegen.codegen.emit import emit
 
     def size(files: Mapping[str, str]) -> int:
-        sources = {name: text for name, text in files.items() if is_library_source(name)}
+        sources = {name: content for name, content in files.items() if is_library_source(name)}
         return object_size(sources, compiler=compiler, flags=flags, target=target) or 0
 
     account = kind in ("measured", "estimated")

@@ -74,12 +74,9 @@ def load_nodes(path: str | Path) -> Structure:
     """
     subject, _ = load_scene(path)
     if not isinstance(subject, Structure):
-        raise FormulationError(
-            "this needs a scene of nodes and members",
-            where=f"{path}: bodies",
-            given="a scene of bodies",
-            allowed="scenes with the sections nodes and members, or a shape",
-        )
+        problem = "this needs a scene of nodes and members"
+        allowed = "scenes with the sections nodes and members, or a shape"
+        raise FormulationError(problem, where=f"{path}: bodies", given="a scene of bodies", allowed=allowed)
     return subject
 
 
@@ -149,10 +146,10 @@ def compile_scene(
     check_instance(method, str, "method", "a text")
     check_positive(rtol, "rtol")
     check_instance(parameters, (Mapping, type(None)), "parameters", "a dictionary: name -> indices, or None")
-    for name, places in (parameters or {}).items():
-        check_instance(places, (tuple, list), f"parameters.{name}", "indices of nodes or members")
-        for place in places:
-            check_whole(place, f"parameters.{name}", 0)
+    for name, indices in (parameters or {}).items():
+        check_instance(indices, (tuple, list), f"parameters.{name}", "indices of nodes or members")
+        for index in indices:
+            check_whole(index, f"parameters.{name}", 0)
     structure, request = load_scene(path)
     chosen = check_names(actuate, "actuate")
     if chosen:

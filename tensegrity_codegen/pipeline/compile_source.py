@@ -68,7 +68,7 @@ def compile_source(
         The cache cannot be written.
     """
     toolchain = describe_toolchain(compiler, flags, target)
-    key = hash_text(*(part for item in sorted(sources.items()) for part in item), toolchain)
+    key = hash_text(*(content for source in sorted(sources.items()) for content in source), toolchain)
     with cache.lock(key):
         entry = cache.find(key)
         if entry is not None:

@@ -115,8 +115,8 @@ class _Shooting:
             for name, value, shape in zip(self.by, given, self.shapes, strict=True)
         }
         starts = [values.pop(name, None) for name in STARTS]
-        whole = self.arguments | values
-        motion = read_motion(self.model, self.options, self.t_end, self.times, whole, None, *starts)
+        arguments = self.arguments | values
+        motion = read_motion(self.model, self.options, self.t_end, self.times, arguments, None, *starts)
         run = TapedRun(motion, self.options)
         raw = run.finish()
         if raw.status != "ok":
@@ -160,9 +160,9 @@ class _Motion(ca.Callback):  # type: ignore[misc]
     def get_reverse(
         self, count: int, name: str, names_in: Sequence[str], names_out: Sequence[str], options: Any
     ) -> ca.Function:
-        found = _Reverse(self.shooting, count, name, (tuple(names_in), tuple(names_out)))
-        self.kept.append(found)
-        return found
+        reverse = _Reverse(self.shooting, count, name, (tuple(names_in), tuple(names_out)))
+        self.kept.append(reverse)
+        return reverse
 
 
 class _Reverse(ca.Callback):  # type: ignore[misc]
@@ -202,16 +202,16 @@ class _Reverse(ca.Callback):  # type: ignore[misc]
         shooting, n_in = self.shooting, len(self.shooting.by)
         run, states = shooting.run(given[:n_in])
         sizes = [shooting.size(k) for k in range(n_in)]
-        found = [np.full((rows, columns * self.count), np.nan) for rows, columns in sizes]
+        adjoints = [np.full((rows, columns * self.count), np.nan) for rows, columns in sizes]
         if states is None:
-            return found
+            return adjoints
         seeds = np.split(np.array(given[n_in + 1]), self.count, axis=1)
         n = len(shooting.model.manifest.coordinate_name)
-        for which, seed in enumerate(seeds):
+        for index, seed in enumerate(seeds):
             back = run.go_back(seed.T)
             by = {**back.number, "coordinate": back.state[:n], "velocity": back.state[n : 2 * n]}
-            for part, name, (_, columns) in zip(found, shooting.by, sizes, strict=True):
+            for adjoint, name, (_, columns) in zip(adjoints, shooting.by, sizes, strict=True):
                 # Vectors of a table are columns in CasADi.
-                value = by[name].reshape(-1, part.shape[0]).T
-                part[:, which * columns : (which + 1) * columns] = value
-        return found
+                value = by[name].reshape(-1, adjoint.shape[0]).T
+                adjoint[:, index * columns : (index + 1) * columns] = value
+        return adjoints

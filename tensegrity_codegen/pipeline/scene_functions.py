@@ -96,11 +96,11 @@ def symbolic_functions(
     named = check_names(actuate, "actuate")
     if named:
         structure, _ = actuate_members(structure, named)
-    wanted = check_names(quantities, "quantities")
+    requested = check_names(quantities, "quantities")
     parameters = check_mapping(parameters, "parameters", "indices of nodes or members by name")
-    request = request.wanting(*request.quantities, *wanted, parameters=parameters)
+    request = request.wanting(*request.quantities, *requested, parameters=parameters)
     model = build_model(structure, request)
-    functions = {item.quantity.name: item.function for item in prune(model, request.quantities)}
+    functions = {pruned.quantity.name: pruned.function for pruned in prune(model, request.quantities)}
     nominal = {name: _as_columns(argument.nominal) for name, argument in model.arguments.items()}
     return SymbolicFunctions(functions, nominal, model.frame.coordinate_name, model.frame.input_name)
 

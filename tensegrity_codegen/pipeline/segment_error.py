@@ -68,17 +68,18 @@ def add_segment_error(
     if not isinstance(structure, Structure) or not found.is_found or not find_chains(structure):
         return found
     load = structure.node_load if found.node_load is None else found.node_load
-    fine, own = _halve(structure.with_changes(node_position=found.node_position, node_load=load))
-    statics = with_statics(fine, request or own)
-    wanted = find_needs("equilibrium", fine, statics).alone(replace(statics, parameters={}))
-    model = build_library(fine, wanted, compiler=compiler, calls=FEW_CALLS).load()
+    fine, fine_request = _halve(structure.with_changes(node_position=found.node_position, node_load=load))
+    statics = with_statics(fine, request or fine_request)
+    needs = find_needs("equilibrium", fine, statics).alone(replace(statics, parameters={}))
+    model = build_library(fine, needs, compiler=compiler, calls=FEW_CALLS).load()
     finer = find_equilibrium(model, arguments={} if found.input is None else {"input": found.input})
     errors = []
     for name, rows in find_chains(structure).items():
-        one = measure_chain(structure, rows, found.node_position, found.member_tension)
+        coarse = measure_chain(structure, rows, found.node_position, found.member_tension)
         two = measure_chain(fine, find_chains(fine)[name], finer.node_position, finer.member_tension)
-        tension, sag = ((4 * more - less) / 3 for less, more in zip(one, two, strict=True))
-        errors.append(SegmentError(name, len(rows), one[0], tension, one[1], sag))
+        # Richardson: the error of a chain falls with the square of the length of its segments.
+        tension, sag = ((4 * b - a) / 3 for a, b in zip(coarse, two, strict=True))
+        errors.append(SegmentError(name, len(rows), coarse[0], tension, coarse[1], sag))
     return replace(found, segments=tuple(errors))
 
 
@@ -87,5 +88,5 @@ def _halve(structure: Structure) -> tuple[Structure, ModelRequest]:
     document = describe_structure(structure.with_changes(actuators=()))
     for e in {e for rows in find_chains(structure).values() for e in rows}:
         document["members"][structure.member_name[e]]["segments"] = 2
-    kept = {key: value for key, value in document.items() if key not in ("sensors", "limits")}
-    return assemble(parse_scene(kept, structure.name), structure.name)
+    sections = {key: value for key, value in document.items() if key not in ("sensors", "limits")}
+    return assemble(parse_scene(sections, structure.name), structure.name)

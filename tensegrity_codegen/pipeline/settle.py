@@ -113,14 +113,14 @@ def settle_structure(
     from tensegrity_codegen.runtime.paths.find_equilibrium import find_equilibrium
 
     statics = with_statics(structure, request)
-    near, offset = move_near_origin(structure, request)
-    wanted = find_needs("equilibrium", near, statics).alone(statics)
-    model = build_library(near, wanted, compiler=compiler, flags=flags, calls=FEW_CALLS).load()
-    found = find_equilibrium(model, arguments=arguments)
+    moved, offset = move_near_origin(structure, request)
+    needs = find_needs("equilibrium", moved, statics).alone(statics)
+    model = build_library(moved, needs, compiler=compiler, flags=flags, calls=FEW_CALLS).load()
+    equilibrium = find_equilibrium(model, arguments=arguments)
     if warn is not None:
-        for text in found.warnings:
-            warn(text)
-    return structure.with_changes(node_position=found.node_position + offset)
+        for warning in equilibrium.warnings:
+            warn(warning)
+    return structure.with_changes(node_position=equilibrium.node_position + offset)
 
 
 def find_settled(
@@ -154,23 +154,24 @@ def find_settled(
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 
     statics = with_statics(subject, request)
-    near, offset = move_near_origin(subject, request)
-    wanted = find_needs("equilibrium", near, statics).alone(statics)
-    found = find_equilibrium(build_library(near, wanted, calls=FEW_CALLS).load())
+    moved, offset = move_near_origin(subject, request)
+    needs = find_needs("equilibrium", moved, statics).alone(statics)
+    equilibrium = find_equilibrium(build_library(moved, needs, calls=FEW_CALLS).load())
     if warn is not None:
-        for text in found.warnings:
-            warn(text)
-    found = move_back(found, subject, offset)
+        for warning in equilibrium.warnings:
+            warn(warning)
+    equilibrium = move_back(equilibrium, subject, offset)
     settled: Subject
     if isinstance(subject, Structure):
         still = np.zeros_like(subject.node_position)
-        rest = slip_rest_lengths(subject.sliding, subject.rest_length, found.slid)
+        rest_length = slip_rest_lengths(subject.sliding, subject.rest_length, equilibrium.slid)
         settled = subject.with_changes(
-            node_position=found.node_position, node_velocity=still, rest_length=rest
+            node_position=equilibrium.node_position, node_velocity=still, rest_length=rest_length
         )
     else:
-        settled = subject.with_changes(coordinate=found.coordinate, velocity=np.zeros_like(found.coordinate))
-    return settled, found
+        coordinate = equilibrium.coordinate
+        settled = subject.with_changes(coordinate=coordinate, velocity=np.zeros_like(coordinate))
+    return settled, equilibrium
 
 
 def move_near_origin(structure: Subject, request: ModelRequest) -> tuple[Any, NDArray[np.float64]]:
@@ -199,10 +200,10 @@ def move_near_origin(structure: Subject, request: ModelRequest) -> tuple[Any, ND
     on_ground = getattr(structure, "ground", None) is not None
     if not isinstance(structure, Structure) or on_ground or find_formulation(request.formulation).has_statics:
         return structure, np.zeros(3)
-    place = structure.node_position
-    is_far = np.abs(place).min(axis=0) > 2.0 * np.ptp(place, axis=0)
-    offset = np.where(is_far, place[0], 0.0)
-    return structure.with_changes(node_position=place - offset), offset
+    position = structure.node_position
+    is_far = np.abs(position).min(axis=0) > 2.0 * np.ptp(position, axis=0)
+    offset = np.where(is_far, position[0], 0.0)
+    return structure.with_changes(node_position=position - offset), offset
 
 
 def move_back(

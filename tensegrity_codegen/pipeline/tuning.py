@@ -33,31 +33,25 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 @dataclass(frozen=True)
 class TuningRow:
-    """One candidate: median ns a call of each wanted function, their sum, or why there is none.
-
-    compiler: its family; command: what calls it; total: of what was asked for, None where `problem` says why.
-    """
+    """One candidate: median ns a call of each wanted function, their sum, or why there is none."""
 
     emitter: str
-    compiler: str = ""
+    compiler: str = ""  # its family
     version: str = ""
-    command: str = ""
+    command: str = ""  # what calls it
     flags: str = ""
     ns: Mapping[str, float] = field(default_factory=dict)
-    total: float | None = None
+    total: float | None = None  # of what was asked for, None where `problem` says why
     problem: str = ""
 
 
 @dataclass(frozen=True)
 class TunedLibrary:
-    """The library of the fastest candidate, all candidates, and whether they were measured before.
-
-    by: the quantity whose time decided; "sum" for all that are wanted.
-    """
+    """The library of the fastest candidate, all candidates, and whether they were measured before."""
 
     built: BuiltLibrary
     rows: tuple[TuningRow, ...]
-    by: str
+    by: str  # the quantity whose time decided; "sum" for all that are wanted
     from_cache: bool
 
     @property
@@ -76,33 +70,27 @@ def build_tuned(
     cache: Cache | None = None,
     measure: bool = False,
 ) -> TunedLibrary:
-    """Return the library that measures fastest; of the request's emitter only, if it names one.
-
-    compiler: as in build_library, all of this machine if not given; flags: names of the sets to compare, the
-    request's own if not given; tune_for: the wanted quantity that decides, else the sum over all; measure:
-    as in build_library, of what was left out.
-    Raises UnknownNameError for a `tune_for` that nobody wants, and what build_library raises.
-    """
+    """Return the library that measures fastest, of all compilers and emitters that are not stated."""
     cache = cache or Cache()
     if tune_for is not None:
         check_choice(tune_for, request.quantities, "requested quantity", "tune_for")
     sets = [find_flags(name, "flags") for name in dict.fromkeys(flags or (request.flags,))]
     named = [find_compiler(compiler)] if compiler is not None else find_compilers()
-    tools = [(tool, item) for tool in named or [find_compiler()] for item in sets]
+    tools = [(tool, flag_set) for tool in named or [find_compiler()] for flag_set in sets]
     key = _tuning_key(structure, request, tools, tune_for)
     rows = _read_rows(cache, key)
-    known = bool(rows)
-    if not known:
+    is_compared = bool(rows)
+    if not is_compared:
         rows = _measure(structure, request, tools, tune_for)
     best = fastest(rows)
-    wanted = replace(request, emitter=best.emitter, flags=best.flags)
-    built = build_library(structure, wanted, compiler=best.command, cache=cache, measure=measure)
-    if not known:
+    tuned_request = replace(request, emitter=best.emitter, flags=best.flags)
+    built = build_library(structure, tuned_request, compiler=best.command, cache=cache, measure=measure)
+    if not is_compared:
         cache.store_request(key, built.entry.key, {"rows": [asdict(row) for row in rows]})
     counted = sum(row.total is not None for row in rows)
-    what = tune_for or "all requested functions"
-    why = f"measured: {best.total:.1f} ns for {what}, the least of {counted} candidates"
-    return TunedLibrary(replace(built, why_emitter=why), rows, tune_for or "sum", known)
+    measured = tune_for or "all requested functions"
+    why = f"measured: {best.total:.1f} ns for {measured}, the least of {counted} candidates"
+    return TunedLibrary(replace(built, why_emitter=why), rows, tune_for or "sum", is_compared)
 
 
 def fastest(rows: Sequence[TuningRow]) -> TuningRow:
@@ -148,7 +136,7 @@ def _measure(
     rows: list[TuningRow] = []
     errors: list[TensegrityError] = []
     programs: dict[int, Path] = {}
-    with work_folder() as place:
+    with work_folder() as work_path:
         for emitter in list_candidates(structure, request):
             try:
                 source = emit(structure, replace(request, emitter=emitter))
@@ -158,7 +146,7 @@ def _measure(
                 continue
             for tool, flags in tools:
                 row = TuningRow(emitter, tool.name, tool.version, shlex.join(tool.command), flags.name)
-                folder = place / str(len(rows))
+                folder = work_path / str(len(rows))
                 folder.mkdir()
                 try:
                     programs[len(rows)] = build_driver(source, tool, flags, folder)

@@ -13,7 +13,7 @@ import pytest
 from tensegrity_codegen import compile_scene, find_equilibrium, form, read_scene
 from tensegrity_codegen.live.engine import add_forming
 from tensegrity_codegen.live.live_scene import build_live_scene
-from tensegrity_codegen.pipeline.forming.formed import Form
+from tensegrity_codegen.pipeline.forming.form import Form
 from tensegrity_codegen.system.errors import InvalidValueError
 from tests.cases import thorough
 from tests.live.pages import GALLERY, write_page

@@ -41,21 +41,14 @@ def sum_forces(structure: Structure, position: FloatArray, q: FloatArray) -> Flo
     """Return loads, weights and the pull of members with force densities q at all nodes, (n_nodes, 3) [N]."""
     i, j = structure.connectivity.T
     pull = q[:, None] * (position[j] - position[i])
-    found = static_load(structure)
-    np.add.at(found, i, pull)
-    np.add.at(found, j, -pull)
-    return found
+    force = static_load(structure)
+    np.add.at(force, i, pull)
+    np.add.at(force, j, -pull)
+    return force
 
 
 def find_density_shape(structure: Structure, density: FloatArray, force: FloatArray) -> DensityShape:
-    """Return the shape with these force densities and, where a force is stated, forces.
-
-    structure: nodes, anchors, loads; positions where forces begin.
-    density (n_members,) [N/m]: force densities; of members with a force, not used.
-    force (n_members,) [N]: forces; nan where the density is stated.
-    Raises ConvergenceError: nothing holds some nodes, densities of both signs cancel, a member shrinks to a
-    point, or the forces have no shape.
-    """
+    """Return the shape with densities [N/m] of members, or forces [N] where these are not nan."""
     position = structure.node_position.copy()
     size = float(np.ptp(position, axis=0).max(initial=0.0)) or 1.0
     is_force = np.isfinite(force)
@@ -87,11 +80,11 @@ class _Energy:
     def __init__(self, structure: Structure, density: FloatArray, force: FloatArray) -> None:
         self.structure, self.density, self.force = structure, density, force
         self.i, self.j = structure.connectivity.T
-        place = np.full((structure.n_nodes, 3), -1)
+        index = np.full((structure.n_nodes, 3), -1)
         node, axis = structure.coordinate_node_axis.T
-        place[node, axis] = np.arange(len(node))
+        index[node, axis] = np.arange(len(node))
         self.node, self.axis = node, axis
-        ends = np.stack([place[self.i], place[self.j]], axis=1)  # (n_members, 2, 3)
+        ends = np.stack([index[self.i], index[self.j]], axis=1)  # (n_members, 2, 3)
         self.rows = np.broadcast_to(ends[:, :, :, None, None], (*ends.shape, 2, 3)).reshape(-1)
         self.columns = np.broadcast_to(ends[:, None, None, :, :], (*ends.shape, 2, 3)).reshape(-1)
         self.is_free = (self.rows >= 0) & (self.columns >= 0)
@@ -111,12 +104,12 @@ class _Energy:
         block = block - q[:, None, None] * along[:, :, None] * along[:, None, :]
         signs = np.array([[1.0, -1.0], [-1.0, 1.0]])
         values = (signs[None, :, None, :, None] * block[:, None, :, None, :]).reshape(-1)
-        n, kept = len(force), self.is_free
-        matrix = scipy.sparse.csc_array((values[kept], (self.rows[kept], self.columns[kept])), shape=(n, n))
+        n, free = len(force), self.is_free
+        matrix = scipy.sparse.csc_array((values[free], (self.rows[free], self.columns[free])), shape=(n, n))
         mean = float(np.abs(matrix.diagonal()).mean())
-        for more in (0.0, 1e-6, 1e-3, 1e-1, 1.0, 10.0):
-            whole = scipy.sparse.csc_array(matrix + more * mean * scipy.sparse.eye_array(n, format="csc"))
-            solve = self.factoriser.factorise(whole)
+        for shift in (0.0, 1e-6, 1e-3, 1e-1, 1.0, 10.0):
+            shifted = scipy.sparse.csc_array(matrix + shift * mean * scipy.sparse.eye_array(n, format="csc"))
+            solve = self.factoriser.factorise(shifted)
             if solve is not None:
                 step = solve(force)
                 if np.isfinite(step).all():
@@ -177,14 +170,14 @@ def _solve(structure: Structure, q: FloatArray, position: FloatArray, factoriser
         free = ~fixed
         if not free.any():
             continue
-        own = scipy.sparse.csc_array(matrix[free][:, free])
+        reduced = scipy.sparse.csc_array(matrix[free][:, free])
         right = load[free][:, axes] - matrix[free][:, fixed] @ position[fixed][:, axes]
-        solve = factoriser.factorise(own)
-        if solve is None or not _is_regular(own, solve):
-            found = _solve_indefinite(structure, own, right, free, q)
+        solve = factoriser.factorise(reduced)
+        if solve is None or not _is_regular(reduced, solve):
+            solution = _solve_indefinite(structure, reduced, right, free, q)
         else:
-            found = np.stack([solve(column) for column in right.T], axis=1)
-        for axis, column in zip(axes, found.T, strict=True):
+            solution = np.stack([solve(column) for column in right.T], axis=1)
+        for axis, column in zip(axes, solution.T, strict=True):
             moved[free, axis] = column
     return moved
 
@@ -192,9 +185,9 @@ def _solve(structure: Structure, q: FloatArray, position: FloatArray, factoriser
 def _is_regular(matrix: "scipy.sparse.csc_array", solve: "object") -> bool:
     """Return whether the factors of a matrix with a positive diagonal solve it."""
     n = matrix.shape[0]
-    given = np.cos(np.arange(n))  # no eigenvector of anything
-    found = solve(matrix @ given)  # type: ignore[operator]
-    return bool(np.abs(found - given).max() < 1e-6)
+    probe = np.cos(np.arange(n))  # no eigenvector of anything
+    solution = solve(matrix @ probe)  # type: ignore[operator]
+    return bool(np.abs(solution - probe).max() < 1e-6)
 
 
 def _solve_indefinite(
@@ -221,22 +214,18 @@ def _solve_indefinite(
         null = shifted.solve(null)
         null /= np.abs(null).max()
     moving = [structure.node_name[k] for k in nodes[np.abs(null) > 0.1]]
-    whole = np.zeros(structure.n_nodes)
-    whole[nodes] = null
+    motion = np.zeros(structure.n_nodes)
+    motion[nodes] = null
     i, j = structure.connectivity.T
-    share = np.abs(q * (whole[i] - whole[j]))
-    where = f"{structure.name}: force densities"
-    if (share <= 1e-6 * np.abs(q).max()).all():
-        raise ConvergenceError(
-            "nothing holds some nodes",
-            evidence={"nodes": count_names(moving)},
-            where=where,
-            hint="anchor one of them, or state lengths of bars",
-        )
-    most = [structure.member_name[e] for e in np.flatnonzero(share > 0.1 * share.max())]
+    weight = np.abs(q * (motion[i] - motion[j]))
+    location = f"{structure.name}: force densities"
+    if (weight <= 1e-6 * np.abs(q).max()).all():
+        problem, hint = "nothing holds some nodes", "anchor one of them, or state lengths of bars"
+        raise ConvergenceError(problem, evidence={"nodes": count_names(moving)}, where=location, hint=hint)
+    named = [structure.member_name[e] for e in np.flatnonzero(weight > 0.1 * weight.max())]
     raise ConvergenceError(
         "force densities of both signs cancel: the shape is not determined",
-        evidence={"nodes": count_names(moving), "members": count_names(most)},
-        where=where,
+        evidence={"nodes": count_names(moving), "members": count_names(named)},
+        where=location,
         hint="change these densities, or state lengths of bars",
     )

@@ -1,7 +1,7 @@
 """Shapes in balance from force densities, forces and lengths of members, and rest lengths that hold them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +11,12 @@ from tensegrity_codegen.pipeline.analyses import find_needs
 from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.pipeline.forming.force_density import check_lengths, find_density_shape, sum_forces
-from tensegrity_codegen.pipeline.forming.formed import Form
-from tensegrity_codegen.pipeline.forming.statements import read_statements
-from tensegrity_codegen.pipeline.forming.targets import Numbers, find_nearest_shape, read_targets
+from tensegrity_codegen.pipeline.forming.targets import (
+    Numbers,
+    find_nearest_shape,
+    read_statements,
+    read_targets,
+)
 from tensegrity_codegen.pipeline.settle import with_statics
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
@@ -29,8 +32,96 @@ from tensegrity_codegen.system.errors import (
     FormulationError,
     InvalidValueError,
 )
-from tensegrity_codegen.system.summaries import count_names
+from tensegrity_codegen.system.summaries import ByName, Fact, Summarised, count_names, describe_range
 from tensegrity_codegen.tables.request import ModelRequest
+
+
+@dataclass(frozen=True, repr=False)
+class Form(ByName, Summarised):
+    """A shape in balance.
+
+    Attributes
+    ----------
+    status : str
+        ``"stable"``; ``"unstable"``: forces balance, and the structure with its stiffnesses leaves the shape.
+    message : str
+        A sentence.
+    node_position : ndarray, shape (n_nodes, 3) [m]
+        Positions.
+    member_length, member_tension, force_density, rest_length : ndarray, shape (n_members,)
+        Lengths [m], tensions [N], tensions over lengths [N/m], and rest lengths that hold them [m].
+    residual, largest_force : float
+        Largest force that is not balanced at a node, and largest tension [N].
+    proof : str
+        Why it is stable, or is not.
+    structure : Structure
+        The structure in this shape, at rest, with these rest lengths.
+    document : mapping
+        The same as a scene.
+    """
+
+    status: str
+    message: str
+    node_position: FloatArray
+    member_length: FloatArray
+    member_tension: FloatArray
+    force_density: FloatArray
+    rest_length: FloatArray
+    residual: float
+    largest_force: float
+    proof: str
+    structure: Structure
+    document: Mapping[str, Any]
+
+    @property
+    def node_name(self) -> tuple[str, ...]:
+        """Names of the nodes."""
+        return self.structure.node_name
+
+    @property
+    def member_name(self) -> tuple[str, ...]:
+        """Names of the members."""
+        return self.structure.member_name
+
+    @property
+    def load_path(self) -> float:
+        """Sum of ``|tension| length`` over all members [N m]."""
+        return float(np.abs(self.member_tension) @ self.member_length)
+
+    def as_evidence(self) -> dict[str, Any]:
+        """Return all results by name, JSON-ready."""
+        rows = zip(
+            self.member_name,
+            self.member_length,
+            self.member_tension,
+            self.force_density,
+            self.rest_length,
+            strict=True,
+        )
+        heads = ("length", "tension", "force_density", "rest_length")
+        return {
+            "status": self.status,
+            "message": self.message,
+            "proof": self.proof,
+            "residual": self.residual,
+            "largest_force": self.largest_force,
+            "load_path": self.load_path,
+            "node_position": dict(zip(self.node_name, self.node_position.tolist(), strict=True)),
+            "members": {name: dict(zip(heads, map(float, values), strict=True)) for name, *values in rows},
+        }
+
+    def headline(self) -> str:
+        """Return status and message."""
+        return f"{self.status}: {self.message}"
+
+    def facts(self) -> list[Fact]:
+        """Return tensions, rest lengths and what is left of balance."""
+        return [
+            ("tension", describe_range(self.member_tension, "N")),
+            ("rest length", describe_range(self.rest_length, "m")),
+            ("residual", f"{self.residual:.3g} N of {self.largest_force:.6g} N"),
+        ]
+
 
 OF = "values by member, group, class or kind"
 NO_LENGTH = 1e-12  # of the structure's size: rest length of springs with forces in proportion to lengths
@@ -108,37 +199,33 @@ def form(
     """
     subject, request = load_scene(scene)
     structure = require_nodes(subject, "form finding")
-    given = {"density": density, "force": force, "length": length}
-    stated = read_statements(structure, *(check_mapping(value, name, OF) for name, value in given.items()))
+    values = {"density": density, "force": force, "length": length}
+    stated = read_statements(structure, *(check_mapping(value, name, OF) for name, value in values.items()))
     check_switch(least_load_path, "least_load_path")
-    near = {"target_length": target_length, "target_force": target_force, "length_range": length_range}
-    lengths, forces, ranges = (check_mapping(value, name, OF) for name, value in near.items())
+    aims = {"target_length": target_length, "target_force": target_force, "length_range": length_range}
+    lengths, forces, ranges = (check_mapping(value, name, OF) for name, value in aims.items())
     targets = read_targets(structure, lengths, forces, ranges, least_load_path)
     if not targets.is_stated:
         position, q = _find_shape(structure, request, *stated, compiler)
         return _settle(structure, request, position, q, compiler)
     if np.isnan(stated[0]).any():
         names = [structure.member_name[e] for e in np.flatnonzero(np.isnan(stated[0]))]
-        raise InvalidValueError(
-            "targets need a force density of every member, where the search begins",
-            where=structure.name,
-            given=f"none of {count_names(names)}",
-            allowed="a force density of each member, below 0 where it pushes",
-        )
+        problem = "targets need a force density of every member, where the search begins"
+        allowed = "a force density of each member, below 0 where it pushes"
+        value = f"none of {count_names(names)}"
+        raise InvalidValueError(problem, where=structure.name, given=value, allowed=allowed)
     shape = find_nearest_shape(structure, stated[0], targets)
-    found = _settle(structure, request, shape.node_position, shape.force_density, compiler)
-    return replace(found, message=f"{found.message}; load path {found.load_path:.9g} N m")
+    equilibrium = _settle(structure, request, shape.node_position, shape.force_density, compiler)
+    return replace(equilibrium, message=f"{equilibrium.message}; load path {equilibrium.load_path:.9g} N m")
 
 
 def require_nodes(subject: Any, what: str) -> Structure:
     """Return a structure of nodes in the air; raises FormulationError. what: "form finding", for messages."""
     if not isinstance(subject, Structure) or subject.ground is not None:
-        raise FormulationError(
-            f"only nodes, bars and cables between anchors or in the air are supported here: {what}",
-            where=subject.name,
-            given="bodies" if not isinstance(subject, Structure) else "a ground",
-            hint="leave out the ground, and settle on it afterwards",
-        )
+        problem = f"only nodes, bars and cables between anchors or in the air are supported here: {what}"
+        value = "bodies" if not isinstance(subject, Structure) else "a ground"
+        hint = "leave out the ground, and settle on it afterwards"
+        raise FormulationError(problem, where=subject.name, given=value, hint=hint)
     require_no_rings(subject, what)
     return subject
 
@@ -155,28 +242,32 @@ def _find_shape(
     if np.isnan(length).all():
         shape = find_density_shape(structure, density, force)
         return shape.node_position, shape.force_density
-    kept, is_force = np.isfinite(length), np.isfinite(force)
+    has_length, is_force = np.isfinite(length), np.isfinite(force)
     size = float(np.ptp(structure.node_position, axis=0).max())
-    pushes = ~kept & (np.where(is_force, force, density) < 0.0)
-    rest = np.where(kept, length, np.where(pushes, LONG, NO_LENGTH) * size)
+    pushes = ~has_length & (np.where(is_force, force, density) < 0.0)
+    rest_length = np.where(has_length, length, np.where(pushes, LONG, NO_LENGTH) * size)
 
-    def find_constants(own: FloatArray) -> FloatArray:
-        far = np.flatnonzero(pushes & (own > FARTHEST * size))
-        if far.size:
-            names = count_names([structure.member_name[e] for e in far])
+    def find_constants(lengths: FloatArray) -> FloatArray:
+        distant = np.flatnonzero(pushes & (lengths > FARTHEST * size))
+        if distant.size:
+            names = count_names([structure.member_name[e] for e in distant])
             raise ConvergenceError(
                 "nothing holds members that push: they grow without end",
                 evidence={"members": names},
                 where=structure.name,
                 hint="state lengths of the cables around them",
             )
-        return np.where(kept, 0.0, np.where(is_force, force, density * own) / np.where(kept, 1.0, own - rest))
+        return np.where(
+            has_length,
+            0.0,
+            np.where(is_force, force, density * lengths) / np.where(has_length, 1.0, lengths - rest_length),
+        )
 
     q = find_constants(structure.member_length())
     springs = structure.with_changes(
-        is_bar=kept,
+        is_bar=has_length,
         tension_only=np.zeros(structure.n_members, dtype=bool),
-        rest_length=rest,
+        rest_length=rest_length,
         spring_constant=q,
         axial_stiffness=np.zeros(structure.n_members),
         damping=np.zeros(structure.n_members),
@@ -188,35 +279,36 @@ def _find_shape(
         collision=None,
         interference=(),
     )
-    free = tuple(np.flatnonzero(~kept).tolist())
+    free = tuple(np.flatnonzero(~has_length).tolist())
     parameters = {"spring_constant": free} if free else {}
-    asked = replace(request, formulation="rigid_bar", parameters={}, integrators=(), options={}, events=None)
+    rigid_request = replace(
+        request, formulation="rigid_bar", parameters={}, integrators=(), options={}, events=None
+    )
     model = build_library(
-        springs, _ask(springs, asked, parameters), compiler=compiler, calls=FEW_CALLS
+        springs, _ask(springs, rigid_request, parameters), compiler=compiler, calls=FEW_CALLS
     ).load()
 
     def settle(start: FloatArray | None) -> Equilibrium:
-        given = {"spring_constant": q[list(free)]} if free else {}
-        return find_equilibrium(model, coordinate=start, arguments=given, tolerance=TOLERANCE)
+        fixed = {"spring_constant": q[list(free)]} if free else {}
+        return find_equilibrium(model, coordinate=start, arguments=fixed, tolerance=TOLERANCE)
 
-    found = settle(None)
+    equilibrium = settle(None)
     for _ in range(MOST_SHAPES):
         if not (is_force | pushes).any():
             break
-        q = find_constants(found.member_length)
-        again = settle(found.coordinate)
-        motion = float(np.abs(again.node_position - found.node_position).max())
-        found = again
+        q = find_constants(equilibrium.member_length)
+        again = settle(equilibrium.coordinate)
+        motion = float(np.abs(again.node_position - equilibrium.node_position).max())
+        equilibrium = again
         if motion <= UNMOVED * size:
             break
     else:
+        problem, location = "the forces have no shape in balance", structure.name
         raise ConvergenceError(
-            "the forces have no shape in balance",
-            evidence={"shapes": MOST_SHAPES, "last_motion": motion, "size": size},
-            where=structure.name,
+            problem, evidence={"shapes": MOST_SHAPES, "last_motion": motion, "size": size}, where=location
         )
-    own = check_lengths(structure, found.node_position, size)
-    return found.node_position, found.member_tension / own
+    member_length = check_lengths(structure, equilibrium.node_position, size)
+    return equilibrium.node_position, equilibrium.member_tension / member_length
 
 
 def _ask(structure: Structure, request: ModelRequest, parameters: dict[str, tuple[int, ...]]) -> ModelRequest:
@@ -234,8 +326,8 @@ def _settle(
     tension = q * length
     _check_tensions(structure, tension)
     moved = moved.with_changes(rest_length=length)  # which rigid bars keep
-    rest = moved.require_rest_length(length, tension, "smaller force densities, or a stiffer member")
-    held = moved.with_changes(rest_length=rest)
+    rest_length = moved.require_rest_length(length, tension, "smaller force densities, or a stiffer member")
+    held = moved.with_changes(rest_length=rest_length)
     forces = sum_forces(structure, position, q)
     forces[structure.node_anchored] = 0.0
     residual = float(np.abs(forces[:, list(structure.axes)]).max(initial=0.0))
@@ -279,12 +371,12 @@ def _check_tensions(structure: Structure, tension: FloatArray) -> None:
 
 def _judge(held: Structure, request: ModelRequest, compiler: str | None) -> tuple[str, str]:
     """Return whether the equilibrium at this shape is stable, and why."""
-    wanted = _ask(held, request, {})
-    model = build_library(held, wanted, compiler=compiler, calls=FEW_CALLS).load()
-    found: Equilibrium = find_equilibrium(model, raise_on_failure=False)
+    needs = _ask(held, request, {})
+    model = build_library(held, needs, compiler=compiler, calls=FEW_CALLS).load()
+    equilibrium: Equilibrium = find_equilibrium(model, raise_on_failure=False)
     size = float(np.ptp(held.node_position, axis=0).max())
-    stays = found.is_found and not found.is_start_unstable and found.change <= 1e-4 * size
+    stays = equilibrium.is_found and not equilibrium.is_start_unstable and equilibrium.change <= 1e-4 * size
     if stays:
-        return "stable", f"smallest stiffness {found.smallest_eigenvalue:.6g} N/m"
-    where = f"it settles {found.change:.3g} m away" if found.is_found else found.message
-    return "unstable", f"with its stiffnesses the structure leaves the shape: {where}"
+        return "stable", f"smallest stiffness {equilibrium.smallest_eigenvalue:.6g} N/m"
+    outcome = f"it settles {equilibrium.change:.3g} m away" if equilibrium.is_found else equilibrium.message
+    return "unstable", f"with its stiffnesses the structure leaves the shape: {outcome}"

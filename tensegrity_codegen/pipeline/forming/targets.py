@@ -13,11 +13,86 @@ import numpy as np
 import scipy
 
 from tensegrity_codegen.pipeline.forming.force_density import DensityShape, check_lengths, find_density_shape
-from tensegrity_codegen.pipeline.forming.statements import find_members
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import is_number
-from tensegrity_codegen.system.errors import ConvergenceError, InvalidValueError
+from tensegrity_codegen.system.errors import (
+    ConvergenceError,
+    DuplicateNameError,
+    InvalidValueError,
+    check_choice,
+)
+from tensegrity_codegen.system.summaries import count_names
+
+KINDS = {"bars": True, "cables": False}
+
+
+def read_statements(
+    structure: Structure,
+    density: Mapping[str, float],
+    force: Mapping[str, float],
+    length: Mapping[str, float],
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return density, force and length of each member, nan where another one is stated."""
+    values = np.full((3, structure.n_members), np.nan)
+    rank = np.full(structure.n_members, 9)  # behind all that can be stated
+    kinds = [""] * structure.n_members
+    for index, (kind, stated) in enumerate((("density", density), ("force", force), ("length", length))):
+        for name, value in stated.items():
+            members, order = find_members(structure, name, kind)
+            _check_value(structure, kind, name, value, members)
+            for e in members:
+                if rank[e] == order:
+                    raise DuplicateNameError(
+                        "two statements of one member",
+                        where=f"{structure.name}: {kind}",
+                        given=f"{kinds[e]} and {kind} {name}, of {structure.member_name[e]}",
+                        allowed="one, or another one of fewer members",
+                    )
+                if order < rank[e]:
+                    values[:, e], rank[e], kinds[e] = np.nan, order, f"{kind} {name}"
+                    values[index, e] = value
+    bare = np.isnan(values).all(axis=0)
+    if (bare & ~structure.is_bar).any():
+        names = [structure.member_name[e] for e in np.flatnonzero(bare & ~structure.is_bar)]
+        problem, location = "nothing is stated of some cables", structure.name
+        allowed = "a force density, force or length of each cable"
+        hint = (
+            'density={"cables": 100} [N/m]; a prestress that keeps the stated positions is found by '
+            "`analyse SCENE --prestress 100 --scene-out FILE`"
+        )
+        raise InvalidValueError(problem, where=location, given=count_names(names), allowed=allowed, hint=hint)
+    values[2, bare] = structure.member_length()[bare]
+    return values[0], values[1], values[2]
+
+
+def find_members(structure: Structure, name: str, word: str) -> tuple[list[int], int]:
+    """Return the members of a name, and how far it comes behind: of a member, group, class or kind."""
+    if name in structure.member_name:
+        return [structure.member_name.index(name)], 0
+    if name in structure.groups:
+        return list(structure.groups[name]), 1
+    if name in structure.member_class:
+        return [e for e, member_class in enumerate(structure.member_class) if member_class == name], 2
+    valid_names = (
+        *KINDS,
+        *structure.groups,
+        *dict.fromkeys(filter(None, structure.member_class)),
+        *structure.member_name,
+    )
+    check_choice(name, valid_names, "member, group, class or kind", f"{structure.name}: {word}")
+    return np.flatnonzero(structure.is_bar == KINDS[name]).tolist(), 3
+
+
+def _check_value(structure: Structure, word: str, name: str, value: Any, members: list[int]) -> None:
+    """Raise InvalidValueError for a value that these members cannot have."""
+    cables = structure.tension_only[members].any()
+    is_good = is_number(value) and value != 0 and (value > 0 or (word != "length" and not cables))
+    if not is_good:
+        problem, location = f"not a {word} that these members can have", f"{structure.name}: {word}"
+        allowed = "above 0" + ("" if cables or word == "length" else ", or below 0 for bars that push")
+        raise InvalidValueError(problem, where=location, given=f"{name} = {value!r}", allowed=allowed)
+
 
 Numbers = Mapping[str, float | Sequence[float]]
 
@@ -32,86 +107,76 @@ MOST_MEMBERS = 1000  # whose derivatives by all densities are held, members time
 class Targets:
     """Targets of members, (n_members, 2) each, nan where there is none.
 
-    length, force: value [m, N] and weight; length_range: least and largest length [m]. load_path: whether
-    sum |t| l is minimised [N m].
+    length, force: value [m, N] and weight.
     """
 
     length: FloatArray
     force: FloatArray
-    length_range: FloatArray
-    load_path: bool
+    length_range: FloatArray  # least and largest length [m]
+    load_path: bool  # whether sum |t| l is minimised [N m]
 
     @property
     def is_stated(self) -> bool:
         """Whether there is any target."""
-        parts = (self.length, self.force, self.length_range)
-        return self.load_path or any(np.isfinite(part).any() for part in parts)
+        targets = (self.length, self.force, self.length_range)
+        return self.load_path or any(np.isfinite(target).any() for target in targets)
 
 
 def read_targets(
     structure: Structure, length: Numbers, force: Numbers, length_range: Numbers, load_path: bool
 ) -> Targets:
     """Return the targets of members; raises UnknownNameError and InvalidValueError."""
-    found = []
+    targets = []
     stated = (("target_length", length), ("target_force", force), ("length_range", length_range))
-    for word, given in stated:
+    for kind, given in stated:
         values, rank = np.full((structure.n_members, 2), np.nan), np.full(structure.n_members, 9)
         for name, numbers in given.items():
             pair: list[Any] = list(numbers) if isinstance(numbers, list | tuple | np.ndarray) else [numbers]
-            pair = [*pair, 1.0] if len(pair) == 1 and word != "length_range" else pair
+            pair = [*pair, 1.0] if len(pair) == 1 and kind != "length_range" else pair
             is_good = len(pair) == 2 and all(map(is_number, pair)) and pair[1] > 0
-            if word == "length_range":
+            if kind == "length_range":
                 is_good = is_good and 0 <= pair[0] <= pair[1]
-            if not is_good or (word == "target_length" and pair[0] <= 0):
+            if not is_good or (kind == "target_length" and pair[0] <= 0):
                 raise InvalidValueError(
-                    f"not a {word.replace('_', ' ')}",
-                    where=f"{structure.name}: {word}",
+                    f"not a {kind.replace('_', ' ')}",
+                    where=f"{structure.name}: {kind}",
                     given=f"{name} = {numbers!r}",
                     allowed="least and largest length"
-                    if word == "length_range"
+                    if kind == "length_range"
                     else "value, or value and weight",
                 )
-            members, order = find_members(structure, name, word)
+            members, order = find_members(structure, name, kind)
             for e in (e for e in members if order < rank[e]):
                 values[e], rank[e] = pair, order
-        found.append(values)
-    return Targets(length=found[0], force=found[1], length_range=found[2], load_path=load_path)
+        targets.append(values)
+    return Targets(length=targets[0], force=targets[1], length_range=targets[2], load_path=load_path)
 
 
 def find_nearest_shape(structure: Structure, density: FloatArray, targets: Targets) -> DensityShape:
-    """Return the shape whose lengths and forces are nearest to targets, within ranges of lengths.
-
-    structure: nodes, anchors, loads.
-    density (n_members,) [N/m]: force densities where the search begins; each keeps its sign.
-    targets: what is minimised: sum of weight (l - target)^2, of weight (t - target)^2, and the load path.
-    Raises InvalidValueError: more than MOST_MEMBERS members; ConvergenceError: no start reached ranges and a
-    stationary point; densities of both signs cancel.
-    """
+    """Return the shape nearest to targets of lengths and forces within ranges, from densities [N/m]."""
     if structure.n_members > MOST_MEMBERS:
+        value, allowed = f"{structure.n_members} members", f"up to {MOST_MEMBERS}"
+        hint = "state force densities, forces and lengths, which have no such limit"
         raise InvalidValueError(
-            "too many members for targets",
-            where=structure.name,
-            given=f"{structure.n_members} members",
-            allowed=f"up to {MOST_MEMBERS}",
-            hint="state force densities, forces and lengths, which have no such limit",
+            "too many members for targets", where=structure.name, given=value, allowed=allowed, hint=hint
         )
     problem = _Problem(structure, density, targets)
     random, best, reason = np.random.default_rng(0), None, ""
     for trial in range(STARTS):
         change = random.uniform(-SPREAD, SPREAD, len(density)) if trial else np.zeros(len(density))
         try:
-            found = problem.minimise(1.0 + change)
+            minimum = problem.minimise(1.0 + change)
         except ConvergenceError:
             if trial == 0:
                 raise
             continue
-        reason = reason or str(found.message)
-        if problem.find_excess(found.x) <= LARGEST_EXCESS and found.success:
-            best = found if best is None or found.fun < best.fun else best
+        reason = reason or str(minimum.message)
+        if problem.find_excess(minimum.x) <= LARGEST_EXCESS and minimum.success:
+            best = minimum if best is None or minimum.fun < best.fun else best
     if best is None:
         raise ConvergenceError(
             "no shape nearest to the targets was found",
-            evidence={"starts": STARTS, "reason": reason, "beyond_range": problem.find_excess(found.x)},
+            evidence={"starts": STARTS, "reason": reason, "beyond_range": problem.find_excess(minimum.x)},
             where=structure.name,
             hint="widen ranges, choose targets within reach, or begin from other force densities",
         )
@@ -139,10 +204,10 @@ class _Problem:
         length = check_lengths(structure, position, float(np.ptp(position, axis=0).max()))
         slope = np.zeros((len(q), len(q)))
         for axis in structure.axes:
-            own = self.difference[:, ~structure.node_anchored[:, axis]]
-            if own.shape[1]:
-                moved = np.linalg.solve(own.T @ (q[:, None] * own), own.T * span[:, axis])
-                slope -= (span[:, axis] / length)[:, None] * (own @ moved)
+            fixed = self.difference[:, ~structure.node_anchored[:, axis]]
+            if fixed.shape[1]:
+                moved = np.linalg.solve(fixed.T @ (q[:, None] * fixed), fixed.T * span[:, axis])
+                slope -= (span[:, axis] / length)[:, None] * (fixed @ moved)
         return length, slope * self.density
 
     def find_goal(self, z: FloatArray) -> tuple[float, FloatArray]:
@@ -152,9 +217,9 @@ class _Problem:
         force = q * length
         force_slope = q[:, None] * slope + np.diag(self.density * length)
         value, by_z = 0.0, np.zeros(len(q))
-        for part, now, change in ((targets.length, length, slope), (targets.force, force, force_slope)):
-            off = np.nan_to_num(now - part[:, 0])
-            weight = np.nan_to_num(part[:, 1])
+        for target, now, change in ((targets.length, length, slope), (targets.force, force, force_slope)):
+            off = np.nan_to_num(now - target[:, 0])
+            weight = np.nan_to_num(target[:, 1])
             value += float(weight @ off**2)
             by_z += 2.0 * (weight * off) @ change
         if targets.load_path:
@@ -164,8 +229,8 @@ class _Problem:
 
     def find_margins(self, z: FloatArray) -> FloatArray:
         """Return how far lengths are within their ranges, below 0 where they are not."""
-        length, (least, most) = self.find_lengths(z)[0], self.targets.length_range.T
-        return np.concatenate([(length - least)[self.limited[:, 0]], (most - length)[self.limited[:, 1]]])
+        length, (lower, upper) = self.find_lengths(z)[0], self.targets.length_range.T
+        return np.concatenate([(length - lower)[self.limited[:, 0]], (upper - length)[self.limited[:, 1]]])
 
     def find_excess(self, z: FloatArray) -> float:
         """Return the largest length beyond a range [m]."""

@@ -38,10 +38,7 @@ class LeastForces:
 
 
 def find_least_forces(program: ForceProgram, gap: float, most_splits: int) -> LeastForces | None:
-    """Return the forces of least mass; None where no forces within limits balance the loads.
-
-    It ends where the bound is within `gap` (relative) of the mass, or after `most_splits`.
-    """
+    """Return the forces of least mass up to `gap` or `most_splits`; None without any within limits."""
     search = _Search(program, gap)
     if not search.start():
         return None
@@ -64,10 +61,10 @@ class _Search:
         direct = (np.maximum(self.law.direct, 0.0), np.zeros_like(self.law.direct))
         for trial in range(STARTS + 1):
             weight = None if trial == 0 else random.exponential(size=len(self.law.direct))
-            found = self.program.solve(direct, self.lower, self.upper, weight=weight)
-            if found is None:
+            optimum = self.program.solve(direct, self.lower, self.upper, weight=weight)
+            if optimum is None:
                 return trial > 0
-            self.descend(found.tension)
+            self.descend(optimum.tension)
         return True
 
     def descend(self, tension: FloatArray) -> None:
@@ -82,10 +79,10 @@ class _Search:
             unused = of_member == 0
             lower = np.where(unused, np.maximum(self.program.lower, 0.0), self.program.lower)
             upper = np.where(unused, np.minimum(self.program.upper, 0.0), self.program.upper)
-            found = self.program.solve(line, lower, upper)
-            if found is None:
+            optimum = self.program.solve(line, lower, upper)
+            if optimum is None:
                 break
-            after, less = self.measure(found.tension)
+            after, less = self.measure(optimum.tension)
             if less >= mass * (1 - LEAST_GAIN):
                 break
             tension, mass = after, less
@@ -93,15 +90,12 @@ class _Search:
             self.tension, self.mass = tension, mass
 
     def measure(self, tension: FloatArray) -> tuple[FloatArray, float]:
-        """Return forces that balance to rounding, in the same members, and their mass.
-
-        Infinite where they do not balance, or are beyond limits.
-        """
+        """Return forces of the same members that balance to rounding, and their mass, or infinity."""
         exact, program = tension.copy(), self.program
         is_free = (exact != 0) & (exact > program.lower) & (exact < program.upper)
         for case, free, load in zip(exact, is_free, program.load, strict=True):
-            part = program.matrix[:, free]
-            case[free] += np.linalg.lstsq(part, load - program.matrix @ case, rcond=None)[0]
+            columns = program.matrix[:, free]
+            case[free] += np.linalg.lstsq(columns, load - program.matrix @ case, rcond=None)[0]
         for forces in (exact, tension):
             is_within = (forces >= program.lower).all() and (forces <= program.upper).all()
             if is_within and np.abs(forces @ program.matrix.T - program.load).max() <= LARGEST_RESIDUAL:
@@ -112,9 +106,9 @@ class _Search:
         """Return the least mass with chords within these limits; None where that is proved not to exist."""
         chord = self.law.find_chord(np.maximum(-upper, 0.0), np.maximum(-lower, 0.0))
         # More than masses within these limits can be, so that it limits nothing.
-        found = self.program.solve(chord, lower, upper, 2 * self.mass * lower.shape[1])
-        if found is not None:
-            return found
+        optimum = self.program.solve(chord, lower, upper, 2 * self.mass * lower.shape[1])
+        if optimum is not None:
+            return optimum
         if self.program.find_unbalanced(lower, upper).excess > 0:
             return None
         wider = np.maximum(lower - more, self.program.lower), np.minimum(upper + more, self.program.upper)
@@ -122,55 +116,55 @@ class _Search:
 
     def tighten(self, rounds: int) -> Optimum | None:
         """Limit the tensions of bars to those that forces with less mass than the best can have."""
-        most = self.mass / np.maximum(self.law.direct, 1e-300)
-        push = np.minimum(most, self.law.find_compression(np.full_like(most, self.mass)))
+        heaviest = self.mass / np.maximum(self.law.direct, 1e-300)
+        push = np.minimum(heaviest, self.law.find_compression(np.full_like(heaviest, self.mass)))
         self.lower = np.maximum(self.program.lower, -push * (1 + MARGIN))
-        self.upper = np.minimum(self.program.upper, most * (1 + MARGIN))
-        found = self.find_bound(self.lower, self.upper)
+        self.upper = np.minimum(self.program.upper, heaviest * (1 + MARGIN))
+        optimum = self.find_bound(self.lower, self.upper)
         for _ in range(rounds):
-            if found is None or found.bound >= self.mass * (1 - self.gap):
+            if optimum is None or optimum.bound >= self.mass * (1 - self.gap):
                 break
-            before = found.bound
-            for place in zip(*np.nonzero(self.program.is_curved), strict=True):
+            before = optimum.bound
+            for index in zip(*np.nonzero(self.program.is_curved), strict=True):
                 chord = self.law.find_chord(np.maximum(-self.upper, 0.0), np.maximum(-self.lower, 0.0))
                 for sign, limit in ((1.0, self.lower), (-1.0, self.upper)):
                     cost = np.zeros(self.lower.shape)
-                    cost[place] = sign
-                    least = self.program.solve(chord, self.lower, self.upper, self.mass, cost=cost)
-                    if least is not None:
-                        end = sign * least.bound - sign * MARGIN
-                        limit[place] = max(limit[place], end) if sign > 0 else min(limit[place], end)
-            found = self.find_bound(self.lower, self.upper)
-            if found is None or found.bound - before < LEAST_TIGHTENING * (self.mass - before):
+                    cost[index] = sign
+                    smallest = self.program.solve(chord, self.lower, self.upper, self.mass, cost=cost)
+                    if smallest is not None:
+                        end = sign * smallest.bound - sign * MARGIN
+                        limit[index] = max(limit[index], end) if sign > 0 else min(limit[index], end)
+            optimum = self.find_bound(self.lower, self.upper)
+            if optimum is None or optimum.bound - before < LEAST_TIGHTENING * (self.mass - before):
                 break
-        return found
+        return optimum
 
     def prove(self, most_splits: int) -> tuple[float, int]:
         """Return a bound of the least mass, and how often an interval was split."""
-        first = self.tighten(TIGHTENING_ROUNDS if most_splits > self.lower.size else 1)
-        if first is None:
+        root = self.tighten(TIGHTENING_ROUNDS if most_splits > self.lower.size else 1)
+        if root is None:
             return self.mass, 0
         proved, splits, made = self.mass, 0, 1  # least bound of all that was left
-        queue = [(first.bound, 0, self.lower, self.upper, first)]
+        queue = [(root.bound, 0, self.lower, self.upper, root)]
         while queue:
-            bound, _, lower, upper, found = heapq.heappop(queue)
+            bound, _, lower, upper, optimum = heapq.heappop(queue)
             if bound >= self.mass * (1 - self.gap) or splits >= most_splits:
                 return min(proved, bound), splits
             splits += 1
             describe_pass(f"{PROVING}: {1 - bound / self.mass:.3%} open after {splits:,} splits")
             # What one unit of a tension costs limits how far it goes with less mass than the best.
             with np.errstate(divide="ignore", invalid="ignore"):
-                reach = (self.mass - bound) / np.abs(found.reduced) + MARGIN
-            is_dear = np.abs(found.reduced) > MARGIN
-            lower = np.where(is_dear & (found.reduced < 0), np.maximum(lower, upper - reach), lower)
-            upper = np.where(is_dear & (found.reduced > 0), np.minimum(upper, lower + reach), upper)
-            place, at = self.choose_split(lower, upper, found.tension)
-            if upper[place] - lower[place] <= MARGIN:  # rounding is all that is left
+                reach = (self.mass - bound) / np.abs(optimum.reduced) + MARGIN
+            is_dear = np.abs(optimum.reduced) > MARGIN
+            lower = np.where(is_dear & (optimum.reduced < 0), np.maximum(lower, upper - reach), lower)
+            upper = np.where(is_dear & (optimum.reduced > 0), np.minimum(upper, lower + reach), upper)
+            index, at = self.choose_split(lower, upper, optimum.tension)
+            if upper[index] - lower[index] <= MARGIN:  # rounding is all that is left
                 proved = min(proved, bound)
                 continue
             for side in (0, 1):
                 low, high = lower.copy(), upper.copy()
-                (low if side else high)[place] = at
+                (low if side else high)[index] = at
                 child = self.find_bound(low, high)
                 if child is None:
                     continue
@@ -193,7 +187,7 @@ class _Search:
         error = self.law.find_mass(-push) - below.max(axis=0)
         error = np.where(self.program.is_curved, error, -np.inf)
         case, member = np.unravel_index(int(error.argmax()), error.shape)
-        place = (int(case), int(member))
-        low, high = lower[place], upper[place]
-        inside = low < tension[place] < high
-        return place, float(tension[place] if inside else 0.5 * (low + high))
+        index = (int(case), int(member))
+        low, high = lower[index], upper[index]
+        inside = low < tension[index] < high
+        return index, float(tension[index] if inside else 0.5 * (low + high))

@@ -26,8 +26,8 @@ ROUNDING = 1e-9  # of tensions, and of reduced costs of tensions without a limit
 class Optimum:
     """A solution of a linear program.
 
-    bound: no solution costs less. tension (n_cases, n_members), and its reduced cost: what one more unit of
-    it costs at least.
+    bound: no solution costs less. tension (n_cases, n_members), and its reduced cost: what one more unit
+    of it costs at least.
     """
 
     bound: float
@@ -39,14 +39,13 @@ class Optimum:
 class Unbalanced:
     """Proof that forces within limits do not balance the loads.
 
-    motion (n_cases, n_coordinates): a motion, at most 1 at each coordinate, in which loads do more work than
-    members can take. excess: that work, which is the least sum of forces out of balance, as proved.
-    residual (n_cases, n_coordinates): forces out of balance at best.
+    motion: (n_cases, n_coordinates) a motion, at most 1 at each coordinate, in which loads do more work
+    than members can take.
     """
 
     motion: FloatArray
-    excess: float
-    residual: FloatArray
+    excess: float  # that work, which is the least sum of forces out of balance, as proved
+    residual: FloatArray  # (n_cases, n_coordinates) forces out of balance at best
 
 
 class ForceProgram:
@@ -90,7 +89,7 @@ class ForceProgram:
         tensions, in its place.
         """
         cases, members = lower.shape
-        slope, intercept = (np.broadcast_to(part, lower.shape)[self.is_curved] for part in line)
+        slope, intercept = (np.broadcast_to(coefficient, lower.shape)[self.is_curved] for coefficient in line)
         values = np.concatenate([self.straight, -slope])
         rows, n = np.arange(len(values)), cases * members
         total = (np.full(members, len(rows)), n + np.arange(members))
@@ -109,16 +108,16 @@ class ForceProgram:
             price = np.concatenate([np.zeros(n), np.ones(members) if weight is None else weight])
         else:
             price = np.concatenate([cost.ravel(), np.zeros(members)])
-        least = np.concatenate([lower.ravel(), np.zeros(members)])
-        most = np.concatenate([upper.ravel(), np.full(members, most_mass)])
-        found = self._call(price, self.equal, self.load.ravel(), above, limit, least, most)
-        if found is None:
+        lowest = np.concatenate([lower.ravel(), np.zeros(members)])
+        highest = np.concatenate([upper.ravel(), np.full(members, most_mass)])
+        solution = self._call(price, self.equal, self.load.ravel(), above, limit, lowest, highest)
+        if solution is None:
             return None
-        point, y, w = found
+        point, y, w = solution
         reduced = price - self.equal.T @ y - above.T @ w
-        bound = float(self.load.ravel() @ y + limit @ w + _find_least(reduced, least, most))
+        bound = float(self.load.ravel() @ y + limit @ w + _find_least(reduced, lowest, highest))
         tension = np.where(np.abs(point[:n]) <= ROUNDING, 0.0, point[:n])
-        tension = np.clip(tension, least[:n], most[:n]).reshape(lower.shape)
+        tension = np.clip(tension, lowest[:n], highest[:n]).reshape(lower.shape)
         return Optimum(bound, tension, reduced[:n].reshape(lower.shape))
 
     def find_unbalanced(self, lower: FloatArray, upper: FloatArray) -> Unbalanced:
@@ -128,12 +127,12 @@ class ForceProgram:
         forces = scipy.sparse.csr_array(self.equal[:, :n])
         equal = scipy.sparse.csr_array(scipy.sparse.hstack([forces, unit, -unit]))
         price = np.concatenate([np.zeros(n), np.ones(2 * rows)])
-        least = np.concatenate([lower.ravel(), np.zeros(2 * rows)])
-        most = np.concatenate([upper.ravel(), np.full(2 * rows, np.inf)])
-        found = self._call(price, equal, self.load.ravel(), None, None, least, most)
-        if found is None:  # cannot be: the forces out of balance take whatever is left
+        lowest = np.concatenate([lower.ravel(), np.zeros(2 * rows)])
+        highest = np.concatenate([upper.ravel(), np.full(2 * rows, np.inf)])
+        solution = self._call(price, equal, self.load.ravel(), None, None, lowest, highest)
+        if solution is None:  # cannot be: the forces out of balance take whatever is left
             raise ConvergenceError("the linear program of unbalanced forces was not solved", where="HiGHS")
-        point, y, _ = found
+        point, y, _ = solution
         y = np.clip(y, -1.0, 1.0)
         excess = self.load.ravel() @ y + _find_least(-(forces.T @ y), lower.ravel(), upper.ravel())
         residual = point[n : n + rows] - point[n + rows :]
@@ -149,26 +148,23 @@ class ForceProgram:
                 "primal_feasibility_tolerance": tolerance,
                 "dual_feasibility_tolerance": tolerance,
             }
-            found = scipy.optimize.linprog(
+            solution = scipy.optimize.linprog(
                 price, above, limit, equal, load, bounds, method="highs", options=options
             )
             self.count += 1
-            if found.status == 0:
-                w = np.minimum(found.ineqlin.marginals, 0.0)
-                return np.asarray(found.x), np.asarray(found.eqlin.marginals), np.asarray(w)
-            if found.status == INFEASIBLE:
+            if solution.status == 0:
+                w = np.minimum(solution.ineqlin.marginals, 0.0)
+                return np.asarray(solution.x), np.asarray(solution.eqlin.marginals), np.asarray(w)
+            if solution.status == INFEASIBLE:
                 return None
-        raise ConvergenceError(
-            f"a linear program was not solved: {found.message}",
-            evidence={"status": int(found.status)},
-            where="HiGHS",
-            hint="check that positions, loads and materials are of sensible size",
-        )
+        problem = f"a linear program was not solved: {solution.message}"
+        hint = "check that positions, loads and materials are of sensible size"
+        raise ConvergenceError(problem, evidence={"status": int(solution.status)}, where="HiGHS", hint=hint)
 
 
 def _find_least(reduced: FloatArray, least: FloatArray, most: FloatArray) -> float:
     """Return the least of reduced . x for x within limits; -inf where there is none."""
     end = np.where(reduced > 0, least, most)
     is_finite = np.isfinite(end)
-    part = np.where(is_finite, reduced * np.where(is_finite, end, 0.0), -np.inf)
-    return float(np.where(~is_finite & (np.abs(reduced) <= ROUNDING), 0.0, part).sum())
+    term = np.where(is_finite, reduced * np.where(is_finite, end, 0.0), -np.inf)
+    return float(np.where(~is_finite & (np.abs(reduced) <= ROUNDING), 0.0, term).sum())

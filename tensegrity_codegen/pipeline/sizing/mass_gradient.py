@@ -25,11 +25,7 @@ def find_mass_gradient(
     matrix: FloatArray,
     limits: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
-    """Return the derivatives of the least mass, (n_nodes, 3) [kg/m]; nan where there are none.
-
-    tension (n_cases, n_members) [N]; matrix (n_coordinates, n_members): equilibrium matrix; limits: least and
-    largest tension of each member [N].
-    """
+    """Return the derivatives of the least mass by positions, (n_nodes, 3) [kg/m]; nan without any."""
     system = _ActiveConstraints(structure, law, tension, matrix, limits)
     gradient = system.differentiate(tension != 0)
     if np.isnan(gradient).any():  # in a case that does not decide a section a force from zero costs nothing
@@ -102,11 +98,11 @@ def _apply_multipliers(rows: FloatArray, moved: FloatArray, n_masses: int) -> Fl
     rows = rows / columns
     price = np.zeros(rows.shape[1])
     price[-n_masses:] = 1.0 / columns[-n_masses:]
-    left, value, right = np.linalg.svd(rows, full_matrices=True)
+    left_vectors, value, right_vectors = np.linalg.svd(rows, full_matrices=True)
     rank = int((value > SINGULAR * value[0]).sum())
-    y = left[:, :rank] @ ((right[:rank] @ price) / value[:rank])
+    y = left_vectors[:, :rank] @ ((right_vectors[:rank] @ price) / value[:rank])
     gradient = -(y @ moved)
-    free = np.abs(left[:, rank:].T @ moved).max(axis=0, initial=0.0)
+    free = np.abs(left_vectors[:, rank:].T @ moved).max(axis=0, initial=0.0)
     is_unknown = free > SINGULAR * np.abs(moved).max(axis=0, initial=0.0)
     if np.abs(rows.T @ y - price).max() > ACTIVE * np.abs(price).max():
         is_unknown[:] = True  # no multipliers: the masses are not stationary here
@@ -120,8 +116,8 @@ def move_balance(structure: Structure, tension: FloatArray) -> FloatArray:
     length = structure.member_length()
     unit = span / length[:, None]
     across = (tension / length)[:, None, None] * (np.eye(3) - unit[:, :, None] * unit[:, None, :])
-    found = np.zeros((structure.n_nodes, structure.n_nodes, 3, 3))
+    derivative = np.zeros((structure.n_nodes, structure.n_nodes, 3, 3))
     for a, b, sign in ((i, i, 1.0), (j, j, 1.0), (i, j, -1.0), (j, i, -1.0)):
-        np.add.at(found, (a, b), sign * across)
+        np.add.at(derivative, (a, b), sign * across)
     node, axis = structure.coordinate_node_axis.T
-    return np.asarray(found.transpose(0, 2, 1, 3)[node, axis].reshape(len(node), 3 * structure.n_nodes))
+    return np.asarray(derivative.transpose(0, 2, 1, 3)[node, axis].reshape(len(node), 3 * structure.n_nodes))

@@ -79,16 +79,13 @@ class MassLaw:
         return np.where(self.root > 0, np.where(mass <= at_switch, slender, stocky), np.inf)
 
     def find_chord(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return slope and intercept of a line below the mass for compressions low to high.
-
-        It goes through the mass at `low`, and at `high` or at the kink: the chord of a concave function.
-        """
+        """Return slope and intercept of a line below the mass, a chord from `low` to `high` or the kink."""
         top = np.minimum(high, self.kink)
-        first, last = self.find_buckling_mass(low), self.find_buckling_mass(top)
+        mass_low, mass_top = self.find_buckling_mass(low), self.find_buckling_mass(top)
         width = top - low
-        slope = np.where(width > 0, (last - first) / np.where(width > 0, width, 1.0), 0.0)
-        known = low < self.kink
-        return np.where(known, slope, 0.0), np.where(known, first - slope * low, 0.0)
+        slope = np.where(width > 0, (mass_top - mass_low) / np.where(width > 0, width, 1.0), 0.0)
+        below_kink = low < self.kink
+        return np.where(below_kink, slope, 0.0), np.where(below_kink, mass_low - slope * low, 0.0)
 
     def find_tangent(self, compression: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return slope and intercept of the tangent, which is above the mass that does not buckle."""

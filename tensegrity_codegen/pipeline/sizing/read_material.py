@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tensegrity_codegen.pipeline.forming.statements import find_members
+from tensegrity_codegen.pipeline.forming.targets import find_members
 from tensegrity_codegen.pipeline.sizing.member_mass import Material
 from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.structure.structure import Structure
@@ -71,7 +71,7 @@ def read_load_cases(
     structure: Structure, given: Mapping[str, Mapping[str, float | Sequence[float]]] | None
 ) -> dict[str, LoadCase]:
     """Return the load cases by name; raises UnknownNameError and InvalidValueError."""
-    found = {}
+    load_cases = {}
     cases = check_mapping(given, "load_cases", "forces by node by case") or {"scene": {}}
     for case, loads in cases.items():
         load = structure.node_load + structure.node_mass[:, None] * structure.gravity
@@ -85,18 +85,19 @@ def read_load_cases(
         for name, force in stated.items():
             if is_number(force) and name not in structure.node_name:
                 continue
-            where = f"{structure.name}: load_cases.{case}.{name}"
-            check_choice(name, structure.node_name, "node", where)
-            value = to_doubles(force, where, "three numbers [N]")
+            location = f"{structure.name}: load_cases.{case}.{name}"
+            check_choice(name, structure.node_name, "node", location)
+            value = to_doubles(force, location, "three numbers [N]")
             if value.shape != (3,):
-                raise InvalidValueError("not a force", where=where, given=force, allowed="three numbers [N]")
-            if not np.isfinite(value).all():
-                raise NonFiniteError(
-                    "not finite", where=where, given=force, allowed="three finite numbers [N]"
+                raise InvalidValueError(
+                    "not a force", where=location, given=force, allowed="three numbers [N]"
                 )
+            if not np.isfinite(value).all():
+                problem = "not finite"
+                raise NonFiniteError(problem, where=location, given=force, allowed="three finite numbers [N]")
             load[structure.node_name.index(name)] += value
-        found[case] = LoadCase(load, weight, tension)
-    return found
+        load_cases[case] = LoadCase(load, weight, tension)
+    return load_cases
 
 
 def _read(
@@ -112,12 +113,9 @@ def _read(
     stated = given if isinstance(given, Mapping) else {} if given is None else {ALL: given}
     for name, number in stated.items():
         if not is_number(number) or number <= 0:
-            raise InvalidValueError(
-                f"not a {WORDS[word]}",
-                where=f"{structure.name}: {word}",
-                given=f"{name} = {number!r}",
-                allowed="a finite number above 0",
-            )
+            problem, location = f"not a {WORDS[word]}", f"{structure.name}: {word}"
+            allowed = "a finite number above 0"
+            raise InvalidValueError(problem, where=location, given=f"{name} = {number!r}", allowed=allowed)
         members, order = find_members(structure, name, word) if name != ALL else (range(len(rank)), 8)
         for e in members:
             if order == rank[e]:

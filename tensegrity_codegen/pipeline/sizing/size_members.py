@@ -1,6 +1,7 @@
 """Least mass of a structure that carries its loads: sections by force, proved by branch and bound."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,7 +15,6 @@ from tensegrity_codegen.pipeline.sizing.force_program import ForceProgram
 from tensegrity_codegen.pipeline.sizing.mass_gradient import find_mass_gradient, move_balance
 from tensegrity_codegen.pipeline.sizing.member_mass import MassLaw, Material, find_mass_law
 from tensegrity_codegen.pipeline.sizing.read_material import LoadCase, read_load_cases, read_material
-from tensegrity_codegen.pipeline.sizing.sizing import Sizing
 from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.scene.describe import describe_structure
 from tensegrity_codegen.scene.schema.schema import Scene
@@ -28,12 +28,139 @@ from tensegrity_codegen.system.errors import (
     InvalidValueError,
     check_choice,
 )
-from tensegrity_codegen.system.summaries import count_names, describe_count
+from tensegrity_codegen.system.summaries import (
+    ByName,
+    Fact,
+    Summarised,
+    count_names,
+    describe_count,
+    describe_range,
+)
 from tensegrity_codegen.tables.request import ModelRequest
+
+
+@dataclass(frozen=True, repr=False)
+class Sizing(ByName, Summarised):
+    """Sections of members with which a structure carries its loads at the least mass.
+
+    Attributes
+    ----------
+    status : str
+        ``"optimal"``: no forces that balance the loads need less mass, up to `gap`; ``"local"``: the best
+        that was found, and `lower_bound` is what is proved.
+    message : str
+        A sentence.
+    case_name : tuple of str
+        Names of the load cases.
+    member_tension, force_density : ndarray, shape (n_cases, n_members) [N, N/m]
+        Tensions, below 0 in bars that push, and tensions over lengths.
+    area, radius, inner_radius, member_mass : ndarray, shape (n_members,) [m2, m, m, kg]
+        Sections and masses; 0 where no case needs the member.
+    limit : tuple of str
+        What decides each section: ``"yield"``, ``"buckling"``, ``"none"`` where the member has no force.
+    governing_case : tuple of str
+        The load case that decides each section, empty without force.
+    total_mass, lower_bound : float [kg]
+        Mass of all members, and the mass below which none can be: proved by the multipliers of linear
+        programs, whatever the tolerances of their solver are.
+    gap : float
+        (total_mass - lower_bound) / total_mass.
+    mass_gradient : ndarray, shape (n_nodes, 3) [kg/m]
+        Derivatives of the least mass by positions of nodes, loads constant; nan where there are none: moving
+        the node needs a force in a member without mass, or cannot be balanced, or along axes that are not
+        modelled.
+    n_unstable : int
+        Motions that strain no member with a force and lower the energy, of the load case that has most: above
+        0 the structure leaves the balance, whatever its stiffnesses are. Members without force do not count.
+    residual : float [N]
+        Largest force out of balance.
+    n_splits, n_programs : int
+        Intervals split by the branch and bound, and linear programs solved.
+    structure : Structure
+        The structure with these sections, stiffnesses, masses of bars, and rest lengths for the tensions of
+        the first load case. Members without mass are as in the scene, without tension.
+    document : mapping
+        The same as a scene.
+    """
+
+    status: str
+    message: str
+    case_name: tuple[str, ...]
+    member_tension: FloatArray
+    force_density: FloatArray
+    area: FloatArray
+    radius: FloatArray
+    inner_radius: FloatArray
+    member_mass: FloatArray
+    limit: tuple[str, ...]
+    governing_case: tuple[str, ...]
+    total_mass: float
+    lower_bound: float
+    gap: float
+    mass_gradient: FloatArray
+    n_unstable: int
+    residual: float
+    n_splits: int
+    n_programs: int
+    structure: Structure
+    document: Mapping[str, Any]
+
+    @property
+    def node_name(self) -> tuple[str, ...]:
+        """Names of the nodes."""
+        return self.structure.node_name
+
+    @property
+    def node_position(self) -> FloatArray:
+        """Positions of the nodes, (n_nodes, 3) [m]."""
+        return self.structure.node_position
+
+    @property
+    def member_name(self) -> tuple[str, ...]:
+        """Names of the members."""
+        return self.structure.member_name
+
+    def as_evidence(self) -> dict[str, Any]:
+        """Return all results by name, JSON-ready."""
+        members = {}
+        for e, name in enumerate(self.member_name):
+            members[name] = {
+                "tension": dict(zip(self.case_name, self.member_tension[:, e].tolist(), strict=True)),
+                "force_density": dict(zip(self.case_name, self.force_density[:, e].tolist(), strict=True)),
+                "area": float(self.area[e]),
+                "radius": float(self.radius[e]),
+                "inner_radius": float(self.inner_radius[e]),
+                "mass": float(self.member_mass[e]),
+                "limit": self.limit[e],
+                "governing_case": self.governing_case[e],
+            }
+        gradient = [[None if x != x else x for x in row] for row in self.mass_gradient.tolist()]
+        numbers = ("total_mass", "lower_bound", "gap", "n_unstable", "residual", "n_splits", "n_programs")
+        return {
+            "status": self.status,
+            "message": self.message,
+            **{name: getattr(self, name) for name in numbers},
+            "members": members,
+            "mass_gradient": dict(zip(self.node_name, gradient, strict=True)),
+        }
+
+    def headline(self) -> str:
+        """Return status and message."""
+        return f"{self.status}: {self.message}"
+
+    def facts(self) -> list[Fact]:
+        """Return masses and sections."""
+        return [
+            ("proved at least", f"{self.lower_bound:.9g} kg"),
+            ("mass of members", describe_range(self.member_mass, "kg")),
+            ("radius", describe_range(self.radius[self.radius > 0], "m")),
+            ("tension", describe_range(self.member_tension, "N")),
+        ]
+
 
 MOST_PROVED = 40  # members, up to which the search goes on until the mass is proved
 MOST_SPLITS, FEW_SPLITS = 20_000, 100  # by default, up to that many members and beyond
-MOST_ROUNDS, SAME_MASS = 50, 1e-9  # with weights of members, until no mass changes by this part of all
+MAX_ROUNDS, SAME_MASS = 50, 1e-9  # with weights of members, until no mass changes by this part of all
 LEAST_FORCE = 1e-9  # of the largest: smaller ones at nodes are rounding
 
 
@@ -126,13 +253,13 @@ def size_members(
     if splits is None:
         splits = MOST_SPLITS if structure.n_members <= MOST_PROVED else FEW_SPLITS
     member_mass = np.zeros(structure.n_members)
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         program, force, mass = _state_program(structure, law, cases, member_mass, bars_pull)
-        found = find_least_forces(program, gap, splits)
-        if found is None:
+        optimum = find_least_forces(program, gap, splits)
+        if optimum is None:
             raise _prove_infeasible(structure, program, tuple(cases), force)
         sized = _record(
-            structure, request, material, law, program, found, tuple(cases), force, mass, gap, areas
+            structure, request, material, law, program, optimum, tuple(cases), force, mass, gap, areas
         )
         change = np.abs(sized.member_mass - member_mass).max()
         if change <= SAME_MASS * sized.total_mass or not any(case.weight for case in cases.values()):
@@ -140,7 +267,7 @@ def size_members(
         member_mass = sized.member_mass
     raise ConvergenceError(
         "the weights of members do not come to an end: heavier members need heavier ones",
-        evidence={"rounds": MOST_ROUNDS, "total_mass": sized.total_mass},
+        evidence={"rounds": MAX_ROUNDS, "total_mass": sized.total_mass},
         where=structure.name,
         hint="a stronger or lighter material, or shorter members",
     )
@@ -148,11 +275,11 @@ def size_members(
 
 def _read_sections(structure: Structure, sections: Sequence[float]) -> FloatArray:
     """Return the areas of a catalogue in their order; raises InvalidValueError."""
-    where = f"{structure.name}: sections"
-    areas = np.unique(to_doubles(sections, where, "areas [m2]"))
+    location = f"{structure.name}: sections"
+    areas = np.unique(to_doubles(sections, location, "areas [m2]"))
     if not (np.isfinite(areas) & (areas > 0)).all():
         raise InvalidValueError(
-            "not a section", where=where, given=list(sections), allowed="areas above 0 m2"
+            "not a section", where=location, given=list(sections), allowed="areas above 0 m2"
         )
     return areas
 
@@ -178,13 +305,11 @@ def _state_program(
     lower, upper = (np.where(np.isnan(stated), limit, stated) for limit in (lower, upper))
     force = float(max(np.abs(loads).max(initial=0.0), np.abs(lower[np.isfinite(lower)]).max(initial=0.0)))
     if not force > 0:
-        raise InvalidValueError(
-            "no load and no least tension, so that the least mass is nothing",
-            where=structure.name,
-            given="0 N at every free node",
-            allowed="a load on a node that is free, or a least tension of cables",
-            hint="state loads, or [limits] least_tension = 100",
-        )
+        problem = "no load and no least tension, so that the least mass is nothing"
+        value = "0 N at every free node"
+        allowed = "a load on a node that is free, or a least tension of cables"
+        hint = "state loads, or [limits] least_tension = 100"
+        raise InvalidValueError(problem, where=structure.name, given=value, allowed=allowed, hint=hint)
     mass = float(law.direct.mean() * force)
     program = ForceProgram(matrix, loads / force, law.scale(force, mass), lower / force, upper / force)
     return program, force, mass
@@ -194,11 +319,11 @@ def _prove_infeasible(
     structure: Structure, program: ForceProgram, case_name: tuple[str, ...], force: float
 ) -> InfeasibleError:
     """Return the error with the nodes that cannot be in balance, and a motion that proves it."""
-    found = program.find_unbalanced(program.lower, program.upper)
-    case = int(np.abs(found.residual).sum(axis=1).argmax())
+    unbalanced = program.find_unbalanced(program.lower, program.upper)
+    case = int(np.abs(unbalanced.residual).sum(axis=1).argmax())
     node, axis = structure.coordinate_node_axis.T
     residual, motion = np.zeros((2, structure.n_nodes, 3))
-    residual[node, axis], motion[node, axis] = found.residual[case] * force, found.motion[case]
+    residual[node, axis], motion[node, axis] = unbalanced.residual[case] * force, unbalanced.motion[case]
     size = np.linalg.norm(residual, axis=1)
     nodes = [structure.node_name[k] for k in np.flatnonzero(size > LEAST_FORCE * force)]
     moves = np.flatnonzero(np.linalg.norm(motion, axis=1) > LEAST_FORCE)
@@ -207,7 +332,7 @@ def _prove_infeasible(
         where=f"{structure.name}: load case {case_name[case]}",
         evidence={
             "nodes": count_names(nodes),
-            "unbalanced_force": found.excess * force,
+            "unbalanced_force": unbalanced.excess * force,
             "motion": {
                 structure.node_name[k]: [round(x, 6) + 0.0 for x in motion[k].tolist()] for k in moves
             },
@@ -294,10 +419,7 @@ def _check_largest(structure: Structure, area: FloatArray, areas: FloatArray) ->
 
 
 def _count_unstable(structure: Structure, matrix: FloatArray, tension: FloatArray) -> int:
-    """Return how many motions that strain no member with a force lower the energy.
-
-    matrix: equilibrium matrix of these members; the energy is of the order of `tension` times length.
-    """
+    """Return how many motions that strain no member with a force lower the energy [tension times length]."""
     node, axis = structure.coordinate_node_axis.T
     geometric = move_balance(structure, tension)[:, 3 * node + axis]
     motions = scipy.linalg.null_space(matrix.T)

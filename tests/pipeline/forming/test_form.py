@@ -12,8 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.pipeline.forming.force_density import static_load
-from tensegrity_codegen.pipeline.forming.form import form
-from tensegrity_codegen.pipeline.forming.formed import Form
+from tensegrity_codegen.pipeline.forming.form import Form, form
 from tensegrity_codegen.system.errors import (
     ConvergenceError,
     DuplicateNameError,

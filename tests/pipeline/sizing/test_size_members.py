@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.pipeline.compile_scene import load_scene
-from tensegrity_codegen.pipeline.sizing.size_members import size_members
-from tensegrity_codegen.pipeline.sizing.sizing import Sizing
+from tensegrity_codegen.pipeline.sizing.size_members import Sizing, size_members
 from tensegrity_codegen.scene.shapes.selfstress import equilibrium_matrix
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
