@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tensegrity_codegen.cli.scene_files import list_examples
+from tensegrity_codegen.cli.verbs.examples import list_examples
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.scene.subject import Subject

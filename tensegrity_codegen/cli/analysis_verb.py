@@ -10,15 +10,16 @@ from typing import Annotated, Any, get_origin
 import typer
 
 from tensegrity_codegen.analyses.cases.record import SAME, AnalysisRecord, Option, Result, ResultFile
-from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.options import (
     CompilerOption,
     FlagsOption,
+    InputOption,
     OverwriteOption,
     PrintOptions,
     SceneArgument,
     StrictOptions,
     parse_loads,
+    read_inputs,
 )
 from tensegrity_codegen.cli.output import Output, check_result
 from tensegrity_codegen.cli.verb import Verb, name_options, quote_command
@@ -35,7 +36,7 @@ LoadOption = Annotated[
 
 def list_modules() -> list[str]:
     """Return the names of the modules of analyses."""
-    return [item.name for item in iter_modules(import_module(PACKAGE).__path__) if not item.ispkg]
+    return [module.name for module in iter_modules(import_module(PACKAGE).__path__) if not module.ispkg]
 
 
 def read_verb(module: str) -> Verb | None:
@@ -67,15 +68,15 @@ def _list_parameters(record: type[AnalysisRecord]) -> Mapping[str, tuple[Any, An
     """Return annotation and default of each argument and option, in the order of the help."""
     parameters: dict[str, tuple[Any, Any]] = {"scene": (SceneArgument, inspect.Parameter.empty)}
     shared = {"load": LoadOption, "input": InputOption}
-    options = [item for item in record.list_options() if item.in_verb]
-    flags = [item for item in options if item.flag]
-    for item in flags:
-        parameters[item.parameter] = _declare(item)
+    options = [option for option in record.list_options() if option.in_verb]
+    flags = [option for option in options if option.flag]
+    for option in flags:
+        parameters[option.parameter] = _declare(option)
     for name, annotation in shared.items():
         if name in record.takes:
             parameters[name] = (annotation, None)
-    for item in options:
-        parameters[item.parameter] = _declare(item)
+    for option in options:
+        parameters[option.parameter] = _declare(option)
     for file in record.files:
         names = [f"--{file.name.replace('_', '-')}", *(["-o"] if file.name == "out" else [])]
         kind: Any = list[Path] if file.is_list else Path
@@ -112,12 +113,12 @@ def _run(record: type[AnalysisRecord], given: dict[str, Any]) -> None:
         paths = {file: given[file.name] for file in record.files}
         files = {file.name: path for file, path in paths.items() if path}
         overwrite = given.get("overwrite", False)
-        options = (given.get(item.parameter) for item in record.list_options())
+        options = (given.get(option.parameter) for option in record.list_options())
         read = [value for value in options if isinstance(value, Path)]
         for file, path in paths.items():
             inputs = [*([] if file.may_be_scene and overwrite else [scene]), *read]
-            for one in path or [None] if file.is_list else [path]:
-                check_result(one, *file.endings, inputs=inputs, overwrite=overwrite, draws=file.draws)
+            for output_path in path or [None] if file.is_list else [path]:
+                check_result(output_path, *file.endings, inputs=inputs, overwrite=overwrite, draws=file.draws)
         analysis = _build_record(record, given)
         analysis.check_files(files)
         result = analysis.solve(_read_case(analysis, scene, given, output, files))
@@ -134,13 +135,13 @@ def _run(record: type[AnalysisRecord], given: dict[str, Any]) -> None:
 def _build_record(record: type[AnalysisRecord], given: Mapping[str, Any]) -> AnalysisRecord:
     """Return the record with the values of its options."""
     values: dict[str, Any] = {}
-    for item in record.list_options():
-        if not item.in_verb:
+    for option in record.list_options():
+        if not option.in_verb:
             continue
-        value = given[item.parameter]
-        if item.flag:
-            value = item.flag[1] if value else item.default
-        values[item.name] = tuple(value or ()) if get_origin(item.type) is tuple else value
+        value = given[option.parameter]
+        if option.flag:
+            value = option.flag[1] if value else option.default
+        values[option.name] = tuple(value or ()) if get_origin(option.type) is tuple else value
     return record(**values)
 
 
@@ -177,8 +178,8 @@ def _write_files(result: Result, paths: Mapping[ResultFile, Any], overwrite: boo
     """Write what is asked for; return the path of each file by its key, None where there is none."""
     written: dict[str, Any] = {}
     for file, path in paths.items():
-        each = list(path or []) if file.is_list else [path] if path else []
-        done = [str(one) for one in each if result.write(file.name, one, overwrite=overwrite)]
+        targets = list(path or []) if file.is_list else [path] if path else []
+        done = [str(target) for target in targets if result.write(file.name, target, overwrite=overwrite)]
         key = file.name if file.key is None else file.key
         if key:
             written[key] = done if file.is_list else done[0] if done else None

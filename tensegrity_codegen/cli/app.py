@@ -1,17 +1,100 @@
 """All verbs in one application, and how it ends: 0 good, 2 bad input, 3 no convergence or unstable."""
 
+import inspect
+import itertools
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from importlib import import_module
+from importlib.util import find_spec
+from pkgutil import iter_modules
 from typing import Any, NoReturn
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 
-from tensegrity_codegen.cli.commands import VerbGroup
+from tensegrity_codegen.cli import analysis_verb
 from tensegrity_codegen.cli.output import Output, explain_system_error
 from tensegrity_codegen.cli.streams import print_aside, print_text
+from tensegrity_codegen.cli.verb import Verb, build_command
 from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.system.temporary_files import announce_end
 from tensegrity_codegen.system.version import VERSION
+
+PACKAGE = "tensegrity_codegen.cli.verbs"
+
+
+def find_verbs() -> list[Verb]:
+    """Return the verbs of all modules of `cli/verbs/` and `analyses/`, in their order."""
+    verbs = [verb for module in _list_modules() if (verb := _read_verb(module)) is not None]
+    return sorted(verbs, key=lambda verb: verb.order)
+
+
+def find_verb(word: str) -> Verb | None:
+    """Return the verb of a word, of which only its own module is imported, or None."""
+    module = word.replace("-", "_")
+    if module in _list_modules() and (verb := _read_verb(module)) is not None and verb.word == word:
+        return verb
+    return next((verb for verb in find_verbs() if verb.word == word), None)
+
+
+def _list_modules() -> list[str]:
+    """Return the names of modules with verbs of their own, and of those of analyses."""
+    names = [module.name for module in iter_modules(import_module(PACKAGE).__path__)]
+    return [*names, *(name for name in analysis_verb.list_modules() if name not in names)]
+
+
+def _read_verb(module: str) -> Verb | None:
+    """Return the verb of a module, None for an analysis without one."""
+    if module in analysis_verb.list_modules() and not find_spec(f"{PACKAGE}.{module}"):
+        return analysis_verb.read_verb(module)
+    verb = import_module(f"{PACKAGE}.{module}").VERB
+    assert isinstance(verb, Verb)
+    return verb
+
+
+class Commands(Mapping[str, Any]):
+    """The commands of all verbs by name; one is built when it is asked for."""
+
+    def __getitem__(self, word: str) -> Any:
+        verb = find_verb(word)
+        if verb is None:
+            raise KeyError(word)
+        return build_command(verb)
+
+    def __iter__(self) -> Iterator[str]:
+        return (verb.word for verb in find_verbs())
+
+    def __len__(self) -> int:
+        return len(find_verbs())
+
+
+class VerbGroup(TyperGroup):
+    """The command `tensegrity-codegen`, whose commands are the verbs."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands: Any = Commands()
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the words of all verbs."""
+        return list(self.commands)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """List the verbs with the first sentence of their help; options would take most of the time."""
+        verbs = find_verbs()
+        widest = max(len(verb.word) for verb in verbs)
+        limit = formatter.width - 6 - widest
+        for group, members in itertools.groupby(verbs, key=lambda verb: verb.group):
+            with formatter.section(group):
+                formatter.write_dl(
+                    [(verb.word.ljust(widest), _first_sentence(verb, limit)) for verb in members]
+                )
+
+
+def _first_sentence(verb: Verb, limit: int) -> str:
+    help_text = inspect.getdoc(verb.run)
+    return TyperCommand(verb.word, help=help_text, rich_markup_mode=None).get_short_help_str(limit)
+
 
 INTERRUPTED = 130
 # click's base class of such errors, from wherever typer takes click: a package or a copy of its own.
@@ -45,10 +128,7 @@ def version_option(
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
-    """Run the command line (sys.argv if no arguments are given) and exit; Ctrl-C ends with exit code 130.
-
-    With --json, wrong usage too gives one object on stdout.
-    """
+    """Run the command line (by default sys.argv) and exit; 130 after Ctrl-C. --json: always one object."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     output = Output("--json" in words)
     if hasattr(sys.stdout, "reconfigure"):
@@ -68,10 +148,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
 
 def _flush(code: int | None, output: Output) -> int | None:
-    """Write what is left for stdout; return the exit code, 2 where it cannot be written.
-
-    What stays in the buffer of a full disk would let Python itself end with exit code 120.
-    """
+    """Write the rest of stdout; return the exit code, 2 if that fails, for which Python itself has 120."""
     try:
         print_text("")
     except OSError as error:

@@ -114,9 +114,9 @@ def _measure_cache(cache: Cache) -> tuple[int, list[str]]:
 def describe_installation(data: dict[str, Any]) -> list[str]:
     """Return the same as lines of text."""
     lines = [f"tensegrity_codegen {data['version']}, Python {data['python']}, {data['platform']}"]
-    for name, found in data["packages"].items():
+    for name, release in data["packages"].items():
         extra = f"  (extra [{OPTIONAL[name]}])" if name in OPTIONAL else ""
-        lines.append(f"  {name:<14} {found or 'not installed'}{extra}")
+        lines.append(f"  {name:<14} {release or 'not installed'}{extra}")
     for row in data["compilers"]:
         state = "ok " if row["works"] else "BAD"
         lines.append(f"  {state} {row['name']:<6} {row['version']}: {row['report']}")
@@ -124,5 +124,5 @@ def describe_installation(data: dict[str, Any]) -> list[str]:
     three = data["three"]
     state = "" if three["is_here"] else "not here: "
     lines.append(f"  three.js r{three['revision']} for live pages: {state}{three['where']}")
-    lines.append(f"  ffmpeg {'found' if data['ffmpeg'] else 'not found (needed for .mp4 only)'}")
+    lines.append(f"  ffmpeg {'found' if data['ffmpeg'] else 'not release (needed for .mp4 only)'}")
     return lines + [f"problem: {problem}" for problem in data["problems"]]

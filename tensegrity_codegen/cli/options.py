@@ -1,7 +1,7 @@
 """Arguments and options that several verbs share, and how their text is read."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,6 +13,7 @@ from tensegrity_codegen.system.errors import (
     InvalidValueError,
     NonFiniteError,
     UnknownNameError,
+    check_choice,
     suggest,
 )
 
@@ -20,9 +21,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from tensegrity_codegen.cli.output import Output
+    from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.structure.bodies import BodySystem
     from tensegrity_codegen.structure.structure import Structure
-
 
 SceneArgument = Annotated[
     Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).", show_default=False)
@@ -35,16 +37,15 @@ FreshOption = Annotated[
     bool, typer.Option("--fresh", help="Use nothing of an earlier run, also where it was interrupted.")
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
-AllOption = Annotated[
-    bool, typer.Option("--all", help="Print all rows of long tables, not only those that matter most.")
-]
 
 
 @dataclass(frozen=True)
 class PrintOptions:
     """How a verb with long tables prints its result."""
 
-    all: AllOption = False
+    all: Annotated[
+        bool, typer.Option("--all", help="Print all rows of long tables, not only those that matter most.")
+    ] = False
     json: JsonOption = False
 
 
@@ -83,23 +84,15 @@ PrecisionOption = Annotated[
 
 
 def parse_vector(text: str, where: str, axes: Sequence[int] = (0, 1, 2)) -> tuple[float, float, float]:
-    """Return the three numbers of "x,y,z", or of one number for each of `axes`, with 0 on the others.
-
-    Raises InvalidValueError or NonFiniteError.
-    """
+    """Return the three numbers of "x,y,z", or of one number for each of `axes`, with 0 on the others."""
     try:
-        numbers = [float(part) for part in text.split(",")]
+        numbers = [float(field) for field in text.split(",")]
     except ValueError:
         numbers = []
     shorter = "" if len(axes) == 3 else f", or {','.join('xyz'[axis] for axis in axes)}"
     if len(numbers) not in (3, len(axes)):
-        raise InvalidValueError(
-            "not a vector",
-            where=where,
-            given=text,
-            allowed=f"three numbers, x,y,z{shorter}",
-            hint="for example 0,0,-9.81" if len(axes) == 3 else "",
-        )
+        allowed, hint = f"three numbers, x,y,z{shorter}", "for example 0,0,-9.81" if len(axes) == 3 else ""
+        raise InvalidValueError("not a vector", where=where, given=text, allowed=allowed, hint=hint)
     if not all(math.isfinite(number) for number in numbers):
         allowed = f"three finite numbers, x,y,z{shorter}"
         raise NonFiniteError("not finite", where=where, given=text, allowed=allowed)
@@ -115,89 +108,133 @@ def _own_form(axes: Sequence[int]) -> str:
 def parse_loads(
     texts: list[str], structure: "Structure | BodySystem", option: str = "--load"
 ) -> "NDArray[np.float64]":
-    """Return loads (n_nodes, 3) [N] of "NODE=fx,fy,fz" texts; several on one node add up.
-
-    A scene of one or two axes takes one number for each of its axes too, as its file does.
-    """
+    """Return loads (n_nodes, 3) [N] of "NODE=fx,fy,fz" texts; several on one node add up."""
     import numpy as np
 
     loads = np.zeros((structure.n_nodes, 3))
     index = {name: node for node, name in enumerate(structure.node_name)}
-    for text in texts:
-        name, equals, vector = text.partition("=")
+    for entry in texts:
+        name, equals, vector = entry.partition("=")
         if not equals:
-            raise InvalidValueError(
-                "not a load",
-                where=option,
-                given=text,
-                allowed="NODE=fx,fy,fz" + _own_form(structure.axes),
-                hint="for example t1=0,0,-10",
-            )
+            allowed, hint = "NODE=fx,fy,fz" + _own_form(structure.axes), "for example t1=0,0,-10"
+            raise InvalidValueError("not a load", where=option, given=entry, allowed=allowed, hint=hint)
         if name.strip() not in index:
-            raise UnknownNameError(
-                "unknown node",
-                where=option,
-                given=name,
-                allowed="a node of the scene",
-                hint=suggest(name, index),
-            )
+            allowed, hint = "a node of the scene", suggest(name, index)
+            raise UnknownNameError("unknown node", where=option, given=name, allowed=allowed, hint=hint)
         force = np.array(parse_vector(vector, f"{option} {name}", structure.axes))
         dropped = [axis for axis in range(3) if axis not in structure.axes and force[axis] != 0.0]
         if dropped:
-            raise InvalidValueError(
-                "a load on an axis that the scene does not model",
-                where=f"{option} {name}",
-                given=vector,
-                allowed=f"forces along {', '.join('xyz'[axis] for axis in structure.axes)}",
-            )
+            problem = "a load on an axis that the scene does not model"
+            allowed = f"forces along {', '.join('xyz'[axis] for axis in structure.axes)}"
+            raise InvalidValueError(problem, where=f"{option} {name}", given=vector, allowed=allowed)
         loads[index[name.strip()]] += force
     return loads
 
 
 def parse_member_values(texts: Sequence[str], option: str, alone: str = "") -> dict[str, float]:
-    """Return NAME=VALUE texts as values by name; alone: the name of a VALUE without one.
-
-    Raises InvalidValueError or DuplicateNameError.
-    """
+    """Return NAME=VALUE texts as values by name; alone: the name of a VALUE without one."""
     return {name: values[0] for name, values in parse_member_numbers(texts, option, (1,), alone).items()}
 
 
 def parse_member_numbers(
     texts: Sequence[str], option: str, counts: tuple[int, ...], alone: str = ""
 ) -> dict[str, list[float]]:
-    """Return NAME=A,B texts as numbers by name, as many as one of `counts`.
-
-    Raises InvalidValueError or DuplicateNameError.
-    """
-    found: dict[str, list[float]] = {}
-    for text in texts:
-        name, equals, numbers = text.partition("=")
+    """Return NAME=A,B texts as numbers by name, as many as one of `counts`."""
+    numbers_by_name: dict[str, list[float]] = {}
+    for entry in texts:
+        name, equals, numbers = entry.partition("=")
         if alone and not equals:
-            name, numbers = alone, text
+            name, numbers = alone, entry
         try:
             values = [float(number) for number in numbers.split(",")]
         except ValueError:
             values = []
         if len(values) not in counts:
             forms = [f"NAME={','.join(['VALUE'] * count)}" for count in counts]
-            raise InvalidValueError(
-                "not a value of members",
-                where=option,
-                given=text,
-                allowed=" or ".join((["VALUE"] if alone else []) + forms),
-                hint="cables=" + ",".join(["100"] * counts[0]),
-            )
-        if name in found:
+            problem, allowed = "not a value of members", " or ".join((["VALUE"] if alone else []) + forms)
+            hint = "cables=" + ",".join(["100"] * counts[0])
+            raise InvalidValueError(problem, where=option, given=entry, allowed=allowed, hint=hint)
+        if name in numbers_by_name:
             raise DuplicateNameError("a name twice", where=option, given=name, allowed="each name once")
-        found[name] = values
-    return found
+        numbers_by_name[name] = values
+    return numbers_by_name
 
 
 def read_folder(text: str) -> Path:
-    """Return the folder that an option names; raises typer.BadParameter for an empty text.
-
-    Path("") is the current folder, which a variable of a shell that is not set would fill with files.
-    """
+    """Return the folder of an option; raises typer.BadParameter for "", else the current folder."""
     if not text.strip():
         raise typer.BadParameter("a folder needs a name; the current one is '.'")
     return Path(text)
+
+
+OPTION = "--input"
+
+InputOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        OPTION,
+        help="Value NAME=VALUE of an input or actuator, in m, K, N or N m; may be repeated.",
+        show_default=False,
+    ),
+]
+
+
+def read_inputs(texts: list[str] | None, subject: "Subject", output: "Output") -> dict[str, float]:
+    """Return the values of inputs by name, and warn of rest lengths outside the ranges of actuators."""
+    values: dict[str, float] = {}
+    for entry in texts or ():
+        name, value = _read_input(entry, subject)
+        if name in values:
+            problem, hint = "an input is given twice", f"remove one of {name}={values[name]:g} and {entry}"
+            raise DuplicateNameError(problem, where=OPTION, given=entry, allowed="each input once", hint=hint)
+        values[name] = value
+    output.warn(*_find_outside(values, subject))
+    return values
+
+
+def _read_input(text: str, subject: "Subject") -> tuple[str, float]:
+    name, equals, number = (field.strip() for field in text.partition("="))
+    valid_names = [source.name for source in subject.inputs]
+    if not valid_names:
+        problem, allowed = "the scene has no inputs", "names of inputs and actuators of the scene"
+        hint = "state [[actuators]] or [[inputs]] in the scene"
+        raise UnknownNameError(problem, where=OPTION, given=text, allowed=allowed, hint=hint)
+    if not equals:
+        problem, hint = "not the value of an input", f"for example {valid_names[0]}=0.01"
+        raise InvalidValueError(problem, where=OPTION, given=text, allowed="NAME=VALUE", hint=hint)
+    check_choice(name, valid_names, "input", OPTION)
+    try:
+        value = float(number)
+    except ValueError:
+        problem, allowed = "the value of the input is not a number", "one number, in m, K, N or N m"
+        raise InvalidValueError(problem, where=f"{OPTION} {name}", given=number, allowed=allowed) from None
+    if not math.isfinite(value):
+        raise NonFiniteError("not finite", where=f"{OPTION} {name}", given=number, allowed="a finite number")
+    return name, value
+
+
+def _find_outside(values: Mapping[str, float], subject: "Subject") -> list[str]:
+    """Return warnings of members that these values bring outside the range of their actuator."""
+    from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length
+
+    rest_length = add_inputs_to_rest_length(subject, values)
+    if (rest_length <= 0).any():
+        e = int((rest_length <= 0).argmax())
+        acting = [actuator.name for actuator in subject.inputs if e in actuator.rest_length_gain]
+        raise InvalidValueError(
+            f"the rest length of {subject.member_name[e]} would be {rest_length[e]:.6g} m",
+            where=OPTION,
+            given=", ".join(f"{name}={values[name]:g}" for name in acting if name in values),
+            allowed=f"more than {-subject.rest_length[e]:.6g} m: its rest length in the scene is "
+            f"{subject.rest_length[e]:.6g} m",
+        )
+    warnings = []
+    for actuator in subject.actuators:
+        lower, upper = actuator.range
+        for e in actuator.members:
+            if rest_length[e] != subject.rest_length[e] and not lower <= rest_length[e] <= upper:
+                warnings.append(
+                    f"the rest length of {subject.member_name[e]}, {rest_length[e]:.6g} m, is outside the "
+                    f"range of actuator {actuator.name}, {lower:g} to {upper:g} m"
+                )
+    return warnings

@@ -70,29 +70,25 @@ class Output:
         data: Mapping[str, Any],
         *readable: "RenderableType | LongTable | Callable[[], RenderableType]",
     ) -> None:
-        """Print the verb's result: `data` as JSON with the time that the verb took, or `readable`.
-
-        What is readable may be a function that builds it, so that JSON does without the import of Rich.
-        Long tables are cut, so that the text is shorter than 60 lines, unless all rows are asked for.
-        """
+        """Print the verb's result: `data` as JSON with the time that the verb took, or `readable`."""
         self._end_bar()
         seconds = time.monotonic() - self.started
         if self.as_json:
             data = name_options(data)
             warnings = list(dict.fromkeys([*self.warned, *data.get("warnings", ())]))
             warned = {"warnings": warnings} if warnings or "warnings" in data else {}
-            own = {"took_seconds": seconds} if "seconds" in data else {"seconds": seconds}
-            print_json({**data, **warned, **own})
+            timing = {"took_seconds": seconds} if "seconds" in data else {"seconds": seconds}
+            print_json({**data, **warned, **timing})
         else:
-            items = [item() if callable(item) else item for item in readable]
-            counts = [item.count for item in items if isinstance(item, LongTable)]
-            most = find_most_rows(counts, MOST_LINES - sum(map(_count_lines, items)))
-            for item in items:
-                if isinstance(item, LongTable):
-                    self._print_long(item, most)
+            blocks = [block() if callable(block) else block for block in readable]
+            counts = [block.count for block in blocks if isinstance(block, LongTable)]
+            limit = find_most_rows(counts, MOST_LINES - sum(map(_count_lines, blocks)))
+            for block in blocks:
+                if isinstance(block, LongTable):
+                    self._print_long(block, limit)
                     continue
-                said = name_options(self._cut_names(item) if isinstance(item, str) else item)
-                self.human.print(said, soft_wrap=isinstance(item, str), markup=False, emoji=False)
+                shown = name_options(self._cut_names(block) if isinstance(block, str) else block)
+                self.human.print(shown, soft_wrap=isinstance(block, str), markup=False, emoji=False)
             print_text("")
 
     def _print_long(self, table: LongTable, most: int) -> None:
@@ -100,11 +96,11 @@ class Output:
         if not self.whole and is_cut(table.count, most):
             short = table.short or table
             is_short = table.short is not None and not is_cut(short.count, most)
-            said = (
+            message = (
                 f"{short.title}; all {table.count:,} {table.things}" if is_short else short.describe_cut(most)
             )
             rows = range(short.count) if is_short else short.pick(most)
-            print_text(short.write(rows, f"{said} with --all, and in --json"))
+            print_text(short.write(rows, f"{message} with --all, and in --json"))
         elif table.count > MOST_DRAWN or not table.fits(self.human.width):
             print_text(table.write(range(table.count), table.title))
         else:
@@ -116,23 +112,20 @@ class Output:
 
     def warn(self, *texts: str) -> None:
         """Print warnings on stderr, each once; with --json they are among the result's "warnings" too."""
-        for text in map(name_options, texts):
-            if text in self.warned:
+        for message in map(name_options, texts):
+            if message in self.warned:
                 continue
-            self.warned.append(text)
+            self.warned.append(message)
             if self.whole or len(self.warned) <= MOST_WARNINGS:
-                said = f"warning: {self._cut_names(text)}"
-                self.aside.print(said, style="yellow", markup=False, soft_wrap=True)
+                line = f"warning: {self._cut_names(message)}"
+                self.aside.print(line, style="yellow", markup=False, soft_wrap=True)
 
     def note(self, text: str) -> None:
         """Print a sentence on stderr that is neither a result nor a warning."""
         self.aside.print(name_options(text), markup=False, soft_wrap=True)
 
     def load(self, scene: Path, *, settles: bool = False) -> "tuple[Structure | BodySystem, ModelRequest]":
-        """Read a scene and print what looks like a slip in it.
-
-        settles: whether the verb looks for the equilibrium first. Raises what `load_scene` raises.
-        """
+        """Read a scene and print probable slips in it; settles: whether the verb settles it first."""
         from tensegrity_codegen.pipeline.compile_scene import load_scene
 
         subject, request = load_scene(scene)
@@ -158,10 +151,7 @@ class Output:
 
     @contextmanager
     def guard(self, scene: Path | None = None) -> Iterator[None]:
-        """Turn errors made for users, and those of the machine, into a message and an exit code.
-
-        scene: the file that a refused request stands in. Defects pass through.
-        """
+        """Turn errors made for users and of the machine in `scene` into a message and an exit code."""
         self._bar = bar = ProgressBar(lambda: self.aside)
         bar.start()
         try:
@@ -199,15 +189,15 @@ class Output:
         """Print this package's Python warnings as those of verbs, each once."""
         from tensegrity_codegen.system.cache_root import CacheFolderWarning
 
-        said: set[str] = set()
+        shown: set[str] = set()
         with warnings.catch_warnings():
             usual = warnings.showwarning
 
             def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
                 if not issubclass(category, CacheFolderWarning):
                     usual(message, category, *place, **more)
-                elif str(message) not in said:
-                    said.add(str(message))
+                elif str(message) not in shown:
+                    shown.add(str(message))
                     self.warn(str(message))
 
             warnings.simplefilter("always", CacheFolderWarning)
@@ -222,10 +212,7 @@ class Output:
 
     @contextmanager
     def resumable(self, folder: Path) -> "Iterator[Callable[[Resumption], None]]":
-        """Yield what is called with the results that are taken from an earlier run, kept in `folder`.
-
-        They are named on stderr, and with --json in `resumed`. Ctrl-C says how to go on.
-        """
+        """Yield a function that reports results of an earlier run in `folder`; Ctrl-C says how to go on."""
         advice = f"{folder} keeps what is finished; the same command goes on from there"
         announce_advice(advice)
         try:
@@ -300,20 +287,14 @@ def name_file(error: FormulationError, scene: Path) -> None:
 
 def explain_system_error(error: OSError) -> OutputError:
     """Return the error for users of what the operating system refused."""
-    return OutputError(
-        f"system error: {error.strerror or error}",
-        where=str(error.filename or ""),
-        hint="check paths, permissions and free space",
-    )
+    hint = "check paths, permissions and free space"
+    return OutputError(f"system error: {error.strerror or error}", where=str(error.filename or ""), hint=hint)
 
 
 def check_result(
     path: Path | None, *endings: str, inputs: Iterable[Path] = (), overwrite: bool, draws: bool = False
 ) -> None:
-    """Raise before the work begins where a result that is asked for has no place.
-
-    Raises OutputError, and where it has pictures (`draws`) MissingExtraError without what draws them.
-    """
+    """Raise OutputError or MissingExtraError, before the work begins, where a result has no place."""
     if path is not None:
         check_ending(path, *endings)
         check_output(path, inputs=inputs, overwrite=overwrite)

@@ -83,10 +83,7 @@ class ProgressBar:
             self._thread.join()
 
     def begin(self, title: str) -> Callable[[float], None]:
-        """Begin a pass; return what is called with the fraction of it that is done, 0 to 1.
-
-        A pass within another is a part of that and is not shown.
-        """
+        """Begin a pass, hidden within another one; return the function that takes its fraction, 0 to 1."""
         self._depth += 1
         if self._depth > 1:
             return lambda fraction: None
@@ -178,7 +175,7 @@ def name_duration(seconds: float) -> str:
     """
     if seconds < 59.95:
         return f"{seconds:.1f} s"
-    whole = round(seconds)
-    if whole < 3600:
-        return f"{whole // 60} min {whole % 60} s"
-    return f"{whole // 3600} h {whole % 3600 // 60} min"
+    total = round(seconds)
+    if total < 3600:
+        return f"{total // 60} min {total % 60} s"
+    return f"{total // 3600} h {total % 3600 // 60} min"

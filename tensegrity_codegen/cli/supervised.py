@@ -77,10 +77,7 @@ def run_supervised(work: Callable[[], object]) -> NoReturn:
 
 
 def _end_quickly(work: Callable[[], object]) -> NoReturn:
-    """Call `work` and end this process as Python does, but leave its memory to the system.
-
-    Python itself ends it where threads are still at work or a stream cannot be written.
-    """
+    """Call `work` and end as Python does, but leave memory to the system if no threads are at work."""
     code: object = None
     try:
         work()
@@ -88,8 +85,8 @@ def _end_quickly(work: Callable[[], object]) -> NoReturn:
         code = end.code
     # The work is done: from here on Ctrl-C only starts the time after which this process is killed.
     signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGUSR1,))
-    others = [thread for thread in threading.enumerate() if thread is not threading.main_thread()]
-    if isinstance(code, int | None) and all(thread.daemon for thread in others):
+    threads = [thread for thread in threading.enumerate() if thread is not threading.main_thread()]
+    if isinstance(code, int | None) and all(thread.daemon for thread in threads):
         atexit._run_exitfuncs()
         with suppress(OSError, ValueError):
             for stream in (sys.stdout, sys.stderr):
@@ -168,8 +165,8 @@ class _Waiting:
             ended, status = os.waitpid(self.worker, os.WNOHANG)
             if ended:
                 self._end(status)
-            left = None if self.deadline is None else max(self.deadline - time.monotonic(), 0.0)
-            ready = select.select([wake, self.notes], [], [], left)[0]
+            remaining = None if self.deadline is None else max(self.deadline - time.monotonic(), 0.0)
+            ready = select.select([wake, self.notes], [], [], remaining)[0]
             self._read_notes()
             if wake in ready:
                 self._pass_on(os.read(wake, 512))
@@ -198,8 +195,8 @@ class _Waiting:
         self._read_notes()
         remove_leftovers(self.known)
         lines = [] if None in self.advice else [*self.advice, "interrupted"]
-        said = "".join(f"{line}\n" for line in lines)
-        os.write(2, (SHOW_CURSOR if os.isatty(2) else b"") + os.fsencode(said))
+        report = "".join(f"{line}\n" for line in lines)
+        os.write(2, (SHOW_CURSOR if os.isatty(2) else b"") + os.fsencode(report))
         os._exit(INTERRUPTED)
 
     def _end(self, status: int) -> NoReturn:
@@ -219,7 +216,7 @@ def _find_descendants(process: int) -> list[int]:
     """Return the processes that a process started, and those that they started; none without /proc."""
     try:
         with open(f"/proc/{process}/task/{process}/children", encoding="ascii") as file:  # noqa: PTH123
-            children = [int(word) for word in file.read().split()]
+            children = [int(number) for number in file.read().split()]
     except OSError:
         return []
-    return [item for child in children for item in (*_find_descendants(child), child)]
+    return [descendant for child in children for descendant in (*_find_descendants(child), child)]

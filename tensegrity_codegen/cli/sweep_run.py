@@ -1,18 +1,13 @@
-"""The run of the verb `sweep`: its options, its plan, the run itself and its report."""
+"""Options of the verb `sweep`, in groups, and its run; options of operations are read from their modules."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.cli.sweep_options import (
-    CaseOptions,
-    ResultOptions,
-    RunOptions,
-    name_option,
-    read_operation_options,
-)
 from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
 if TYPE_CHECKING:
@@ -21,6 +16,131 @@ if TYPE_CHECKING:
     from tensegrity_codegen.sweeps.engines.dask_engine import Cluster
     from tensegrity_codegen.sweeps.run import SweepOutcome, SweepProgress
     from tensegrity_codegen.sweeps.sweep import PreparedSweep
+
+KeepOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--keep", help="What is kept of each case, such as member_tension, max(member_tension); repeatable."
+    ),
+]
+OverwriteOption = Annotated[
+    bool, typer.Option("--overwrite", help="With --format: replace the table if it exists.")
+]
+
+
+@dataclass(frozen=True)
+class CaseOptions:
+    """What states the cases."""
+
+    over: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--over",
+            help="An axis of a grid: KEY=start:stop:n, KEY=start:stop:n:log or KEY=a,b,c; repeat for "
+            "several.",
+        ),
+    ] = None
+    sample: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--sample",
+            help="A random number: KEY=normal(m,s), KEY=uniform(a,b) or KEY=lognormal(m,s); repeat for "
+            "several.",
+        ),
+    ] = None
+    table: Annotated[
+        Path | None, typer.Option("--table", help="Cases from a file (.csv): a column a key, a row a case.")
+    ] = None
+    n: Annotated[int | None, typer.Option("--n", help="Number of samples (saltelli: base number).")] = None
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the samples.")] = 0
+    sampling: Annotated[
+        str,
+        typer.Option(
+            "--sampling",
+            help="How samples are drawn: random, latin_hypercube, sobol, or saltelli (for Sobol' indices).",
+        ),
+    ] = "random"
+    yes: Annotated[bool, typer.Option("--yes", help="Allow more than 100,000 cases.")] = False
+
+
+@dataclass(frozen=True)
+class ResultOptions:
+    """Where results go, and whether they are computed."""
+
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", help="Folder of results (.zarr); one that exists goes on where it stopped."
+        ),
+    ] = None
+    format: Annotated[
+        str | None,
+        typer.Option("--format", help="Write the numbers of all cases as a table too: csv or parquet."),
+    ] = None
+    overwrite: OverwriteOption = False
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show the plan, and do nothing.")] = False
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """Where and how far the cases are computed."""
+
+    workers: Annotated[
+        int | None, typer.Option("--workers", help="Processes on this machine; default: one a core.")
+    ] = None
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", help="Address of a Dask scheduler, as tcp://10.0.0.1:8786.")
+    ] = None
+    wait: Annotated[
+        float | None,
+        typer.Option(
+            "--wait", help="Longest time to wait for the scheduler and its workers [s]; default: 30."
+        ),
+    ] = None
+    task_size: Annotated[
+        int | None, typer.Option("--task-size", help="Most cases of a task; default: chosen by their time.")
+    ] = None
+    stop_after: Annotated[
+        int | None, typer.Option("--stop-after", help="Stop after so many cases that are not good.")
+    ] = None
+
+
+def list_operation_options() -> dict[str, tuple[Any, Any]]:
+    """Return annotation and default of --do, --keep and the options of all operations, by argument."""
+    from tensegrity_codegen.analyses.cases.registry import ANALYSES
+
+    listed = [(do, option) for do, kind in ANALYSES.items() for option in kind.list_sweep_options()]
+    do = typer.Option("--do", help=f"What is done with each case: {', '.join(ANALYSES)}.", show_default=False)
+    declarations: dict[str, tuple[Any, Any]] = {"do": (Annotated[str, do], ...), "keep": (KeepOption, None)}
+    for name in dict.fromkeys(option.argument for _, option in listed):
+        same = [(do, option) for do, option in listed if option.argument == name]
+        helps = {
+            description: [do for do, option in same if option.help == description]
+            for description in (option.help for _, option in same)
+        }
+        help = "; ".join(f"{', '.join(by)}: {description}" for description, by in helps.items())
+        declared: Any = typer.Option(name_option(name), help=help)
+        option = same[0][1]
+        kind: Any = bool if option.flag else option.kind | None
+        declarations[name] = (Annotated[kind, declared], False if option.flag else None)
+    return declarations
+
+
+def name_option(argument: str) -> str:
+    """Return the option of an argument."""
+    return "--" + argument.replace("_", "-")
+
+
+def read_operation_options(given: dict[str, Any]) -> dict[str, Any]:
+    """Return the values of options by the names of their fields, None where they are not stated."""
+    from tensegrity_codegen.analyses.cases.registry import ANALYSES
+
+    stated: dict[str, Any] = {}
+    for kind in ANALYSES.values():
+        for option in kind.list_sweep_options():
+            value = given[option.argument]
+            stated[option.name] = value if option.flag is None else option.flag[1] if value else None
+    return stated
 
 
 # How messages of the cases name their options.
@@ -79,11 +199,8 @@ class SweepCall:
 
         results = self.results
         if results.out is None and not results.dry_run:
-            raise InvalidValueError(
-                "the folder of results is missing",
-                where="--out",
-                allowed="a name that ends in .zarr; or --dry-run",
-            )
+            problem = "the folder of results is missing"
+            raise InvalidValueError(problem, where="--out", allowed="a name that ends in .zarr; or --dry-run")
         if results.out is not None:
             check_store_name(results.out)
         self._find_workers()
@@ -106,15 +223,12 @@ class SweepCall:
         from tensegrity_codegen.analyses.cases.registry import ANALYSES
 
         check_choice(self.do, ANALYSES, "operation", "--do")
-        known = [item.argument for item in ANALYSES[self.do].list_sweep_options()]
+        valid_names = [option.argument for option in ANALYSES[self.do].list_sweep_options()]
         for name, value in self.options.items():
-            if value not in (None, False) and name not in known:
-                raise InvalidValueError(
-                    f"not an option of {self.do}",
-                    where=name_option(name),
-                    given=value,
-                    allowed=", ".join(map(name_option, known)) or "no options of this kind",
-                )
+            if value not in (None, False) and name not in valid_names:
+                problem = f"not an option of {self.do}"
+                allowed = ", ".join(map(name_option, valid_names)) or "no options of this kind"
+                raise InvalidValueError(problem, where=name_option(name), given=value, allowed=allowed)
 
     def _find_workers(self) -> "int | Cluster":
         """Return where the sweep runs; raises InvalidValueError for two places, or a wait for none."""
@@ -122,20 +236,12 @@ class SweepCall:
 
         workers, scheduler, wait = self.where.workers, self.where.scheduler, self.where.wait
         if scheduler is not None and workers is not None:
-            raise InvalidValueError(
-                "workers of this machine beside those of a cluster",
-                where="workers",
-                given=workers,
-                allowed="`workers` or `scheduler`",
-            )
+            problem, allowed = "workers of this machine beside those of a cluster", "`workers` or `scheduler`"
+            raise InvalidValueError(problem, where="workers", given=workers, allowed=allowed)
         if wait is not None and scheduler is None:
             check_wait(wait)
-            raise InvalidValueError(
-                "a time to wait for a scheduler, and no scheduler",
-                where="wait",
-                given=wait,
-                allowed="with `scheduler`",
-            )
+            problem = "a time to wait for a scheduler, and no scheduler"
+            raise InvalidValueError(problem, where="wait", given=wait, allowed="with `scheduler`")
         if scheduler is None:
             return check_workers(workers)
         return check_workers(Cluster(scheduler) if wait is None else Cluster(scheduler, wait))
@@ -161,8 +267,8 @@ class SweepCall:
         try:
             return prepared.run(out, stop_after=self.where.stop_after, on_progress=_follow(output, move))
         except KeyboardInterrupt:
-            text = f"{out} keeps what is finished; the same command goes on where it stopped"
-            output.aside.print(text, markup=False, soft_wrap=True)
+            note = f"{out} keeps what is finished; the same command goes on where it stopped"
+            output.aside.print(note, markup=False, soft_wrap=True)
             raise
 
     def _write_table(self, output: Output) -> Path | None:
@@ -214,12 +320,12 @@ def _list_lines(outcome: "SweepOutcome", operation: str, table: Path | None) -> 
     from tensegrity_codegen.analyses.cases.quantities import BEYOND
 
     rows = [
-        f"  {count:,} {word}{_first(outcome, word)}"
-        for word, count in sorted(outcome.counts.items(), key=lambda item: -item[1])
+        f"  {count:,} {status}{_first(outcome, status)}"
+        for status, count in sorted(outcome.counts.items(), key=lambda item: -item[1])
     ]
     rate = f", {outcome.computed / outcome.seconds:,.0f} cases/s" if outcome.computed else ""
-    kept = outcome.finished - outcome.computed
-    before = f"; {kept:,} of them were there before" if kept else ""
+    n_stored = outcome.finished - outcome.computed
+    before = f"; {n_stored:,} of them were there before" if n_stored else ""
     lines = [
         f"{outcome.good:,} of {outcome.cases:,} cases are good ({operation}{rate})" + before,
         *rows,
@@ -227,12 +333,12 @@ def _list_lines(outcome: "SweepOutcome", operation: str, table: Path | None) -> 
     ]
     if outcome.beyond:
         lines.insert(1, f"  in {outcome.beyond:,} of them {BEYOND} (limit_use above 1)")
-    left = outcome.cases - outcome.finished
+    n_pending = outcome.cases - outcome.finished
     if outcome.damaged:
         lines.insert(1, f"  {outcome.damaged:,} of them were damaged in the folder, and were computed again")
-    if left:
-        more = " with --overwrite" if table is not None else ""
-        lines.insert(1, f"  {left:,} not computed: the same command{more} goes on")
+    if n_pending:
+        suffix = " with --overwrite" if table is not None else ""
+        lines.insert(1, f"  {n_pending:,} not computed: the same command{suffix} goes on")
     return lines
 
 

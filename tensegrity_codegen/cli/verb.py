@@ -23,10 +23,7 @@ class OptionGroup:
 
 
 def expand_groups(run: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function with the options of all groups as its own arguments, from which Typer makes them.
-
-    A group is an argument whose annotation is a dataclass of options, or `Annotated[dict, OptionGroup]`.
-    """
+    """Return a function with the options of all groups as its own arguments, from which Typer makes them."""
     hints = get_type_hints(run, include_extras=True)
     groups: dict[str, tuple[Any, tuple[str, ...]]] = {}
     parameters: dict[str, inspect.Parameter] = {}
@@ -36,22 +33,22 @@ def expand_groups(run: Callable[..., Any]) -> Callable[..., Any]:
             parameters[name] = parameter.replace(annotation=hints[name])
             continue
         groups[name] = (hints[name] if is_dataclass(hints[name]) else dict, tuple(listed))
-        for own, (annotation, default) in listed.items():
+        for field, (annotation, default) in listed.items():
             kind = inspect.Parameter.KEYWORD_ONLY
             start = inspect.Parameter.empty if default is ... else default
-            parameters[own] = inspect.Parameter(own, kind, annotation=annotation, default=start)
+            parameters[field] = inspect.Parameter(field, kind, annotation=annotation, default=start)
     if not groups:
         return run
 
     @wraps(run)
     def expanded(**given: Any) -> Any:
         for name, (build, names) in groups.items():
-            given[name] = build(**{own: given.pop(own) for own in names})
+            given[name] = build(**{field: given.pop(field) for field in names})
         return run(**given)
 
-    keyword = [item.replace(kind=inspect.Parameter.KEYWORD_ONLY) for item in parameters.values()]
+    keyword = [argument.replace(kind=inspect.Parameter.KEYWORD_ONLY) for argument in parameters.values()]
     expanded.__signature__ = inspect.Signature(keyword)  # type: ignore[attr-defined]
-    expanded.__annotations__ = {name: item.annotation for name, item in parameters.items()}
+    expanded.__annotations__ = {name: argument.annotation for name, argument in parameters.items()}
     return expanded
 
 
@@ -59,9 +56,9 @@ def _list_fields(annotation: Any) -> Mapping[str, tuple[Any, Any]] | None:
     """Return the options of a group, None for an annotation that is none."""
     if is_dataclass(annotation):
         hints = get_type_hints(annotation, include_extras=True)
-        return {item.name: (hints[item.name], _find_default(item)) for item in fields(annotation)}
+        return {field.name: (hints[field.name], _find_default(field)) for field in fields(annotation)}
     if get_origin(annotation) is Annotated:
-        group = next((item for item in get_args(annotation) if isinstance(item, OptionGroup)), None)
+        group = next((field for field in get_args(annotation) if isinstance(field, OptionGroup)), None)
         return None if group is None else group.list_fields()
     return None
 
@@ -92,10 +89,10 @@ class VerbCommand(TyperCommand):
     def invoke(self, ctx: Any) -> Any:
         """Run the verb."""
         _options.clear()
-        for item in self.params:
-            long_names = [word for word in item.opts if word.startswith("--")]
-            if item.name and long_names:
-                _options[item.name] = long_names[0]
+        for parameter in self.params:
+            long_names = [flag for flag in parameter.opts if flag.startswith("--")]
+            if parameter.name and long_names:
+                _options[parameter.name] = long_names[0]
         return super().invoke(ctx)
 
 
@@ -105,23 +102,20 @@ def quote_command() -> str:
 
 
 def name_options(value: Any) -> Any:
-    """Return a text, or the texts of nested dicts and lists, with options in place of arguments.
-
-    Arguments that the running verb has no option for stay as they are.
-    """
+    """Return a text, or the texts of nested dicts and lists, with options in place of arguments."""
     if isinstance(value, str):
         return _ARGUMENT.sub(_name_option, value) if "`" in value else value
     if isinstance(value, Mapping):
-        return {key: name_options(item) for key, item in value.items()}
+        return {key: name_options(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return type(value)(name_options(item) for item in value) if type(value) in (list, tuple) else value
+        return type(value)(name_options(entry) for entry in value) if type(value) in (list, tuple) else value
     return value
 
 
 def name_options_in_error(error: TensegrityError) -> None:
     """Replace arguments by options in an error's texts; its place may be one, or one and its 'value'."""
-    name, quote, rest = error.where.partition(" '")
-    error.where = _options.get(name, name) + quote + rest
+    name, quote, value = error.where.partition(" '")
+    error.where = _options.get(name, name) + quote + value
     error.problem = name_options(error.problem)
     error.allowed = name_options(error.allowed)
     error.hint = name_options(error.hint)
@@ -131,8 +125,8 @@ def _name_option(found: re.Match[str]) -> str:
     name, value = found[1], found[2]
     if name not in _options:
         return found[0]
-    text = "" if value in (None, "True") else f" {value.strip(chr(34))}"
-    return _options[name] + text
+    argument = "" if value in (None, "True") else f" {value.strip(chr(34))}"
+    return _options[name] + argument
 
 
 # Groups of verbs in `--help`, and the least `order` of each.
@@ -172,7 +166,7 @@ class Verb:
     @property
     def group(self) -> str:
         """The heading in `--help` under which the verb stands."""
-        return [name for name, least in GROUPS.items() if least <= self.order][-1]
+        return [name for name, order in GROUPS.items() if order <= self.order][-1]
 
 
 @functools.cache
@@ -202,4 +196,4 @@ class VerbWithSubCommands(VerbCommand):
         """List the sub-commands."""
         rows = [(name, (run.__doc__ or "").partition("\n")[0]) for name, run in self.sub_commands.items()]
         with formatter.section("Sub-commands"):
-            formatter.write_dl([(f"{ctx.command_path} {name}", text) for name, text in rows])
+            formatter.write_dl([(f"{ctx.command_path} {name}", summary) for name, summary in rows])

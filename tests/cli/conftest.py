@@ -9,8 +9,8 @@ import pytest
 
 from tensegrity_codegen.cli import installation
 from tensegrity_codegen.cli.app import main
-from tensegrity_codegen.cli.scene_files import list_examples
 from tensegrity_codegen.cli.streams import ProgressBar
+from tensegrity_codegen.cli.verbs.examples import list_examples
 from tensegrity_codegen.codegen.compilation import toolchain
 from tensegrity_codegen.codegen.compilation.flags import Compiler
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensegrity_codegen.cli.scene_files import read_example
+from tensegrity_codegen.cli.verbs.examples import read_example
 from tests.cli.conftest import Run
 from tests.cli.scenes import FRAME, GOOD, HANGING, write
 

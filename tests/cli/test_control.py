@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.cli.scene_files import list_examples
+from tensegrity_codegen.cli.verbs.examples import list_examples
 from tensegrity_codegen.control.feedback import time_motion as motions
 from tensegrity_codegen.control.feedback.study.read_files import read_weights
 from tensegrity_codegen.pipeline.compile_scene import load_scene

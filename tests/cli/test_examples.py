@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.cli.scene_files import list_examples
+from tensegrity_codegen.cli.verbs.examples import list_examples
 from tests.cli.conftest import Run
 
 SHIPPED = ("icosahedron", "planar", "prism", "tower", "two_nodes")

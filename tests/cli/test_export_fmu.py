@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from tensegrity_codegen.cli.scene_files import list_examples
+from tensegrity_codegen.cli.verbs.examples import list_examples
 from tests.cli.conftest import Run
 from tests.cli.scenes import GOOD
 from tests.export.scenes import LOOSE

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.cli.scene_files import list_examples
+from tensegrity_codegen.cli.verbs.examples import list_examples
 from tests.cases import thorough
 from tests.cli.conftest import Run
 from tests.control.feedback.standing_prism import SCENE as STANDING

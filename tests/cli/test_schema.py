@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tensegrity_codegen.cli.scene_files import list_examples
+from tensegrity_codegen.cli.verbs.examples import list_examples
 from tests.cli.conftest import Run
 
 TYPES = {

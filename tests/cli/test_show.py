@@ -5,7 +5,7 @@ import pytest
 import typer
 
 from tensegrity_codegen.cli.app import app
-from tensegrity_codegen.cli.scene_files import read_example
+from tensegrity_codegen.cli.verbs.examples import read_example
 from tests.cases import thorough
 from tests.cli.conftest import Run
 from tests.live.pages import require_three

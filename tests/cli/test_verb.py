@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from tensegrity_codegen.cli import analysis_verb, verbs
-from tensegrity_codegen.cli.commands import find_verbs
+from tensegrity_codegen.cli.app import find_verbs
 
 
 def test_every_file_is_a_verb_with_a_place_of_its_own() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.cli.scene_files import list_examples
+from tensegrity_codegen.cli.verbs.examples import list_examples
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tests.cases import thorough

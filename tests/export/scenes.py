@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tensegrity_codegen import load_scene
-from tensegrity_codegen.cli.scene_files import read_example
+from tensegrity_codegen.cli.verbs.examples import read_example
 from tensegrity_codegen.export.exporter import ExportSource
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.outline import outline_tendons

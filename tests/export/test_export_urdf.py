@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tensegrity_codegen import load_scene
-from tensegrity_codegen.cli.scene_files import read_example
+from tensegrity_codegen.cli.verbs.examples import read_example
 from tensegrity_codegen.export.export_urdf import build_urdf
 from tensegrity_codegen.export.exporter import ExportSource, write_export
 from tensegrity_codegen.scene.subject import Subject

@@ -14,7 +14,7 @@ import pytest
 from scipy.sparse import issparse
 
 from tensegrity_codegen import find_equilibrium, linearize
-from tensegrity_codegen.cli.scene_files import list_examples
+from tensegrity_codegen.cli.verbs.examples import list_examples
 from tensegrity_codegen.codegen import emit
 from tensegrity_codegen.codegen.compilation.cache import Cache, CacheEntry
 from tensegrity_codegen.pipeline.analyses import find_needs, want_analyses

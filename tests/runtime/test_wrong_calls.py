@@ -20,7 +20,7 @@ from tensegrity_codegen import (
     simulate,
     simulate_batch,
 )
-from tensegrity_codegen.cli.scene_files import list_examples
+from tensegrity_codegen.cli.verbs.examples import list_examples
 from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.simulate.simulate import Until
 from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError

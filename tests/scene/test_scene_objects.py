@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen import Scene, compile_scene, load_scene, read_scene
-from tensegrity_codegen.cli.scene_files import list_examples, read_example
+from tensegrity_codegen.cli.verbs.examples import list_examples, read_example
 from tensegrity_codegen.system.errors import SceneError, SceneSyntaxError, StructureError, UnknownKeyError
 
 SMALL: dict[str, Any] = {

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import tensegrity_codegen
-from tensegrity_codegen.cli.commands import find_verbs
+from tensegrity_codegen.cli.app import find_verbs
 from tensegrity_codegen.scene.schema.schema import scene_json_schema
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -41,26 +41,10 @@ FolderOption = Annotated[
         help="Folder for header, C source, example and library.",
     ),
 ]
-QuantityOption = Annotated[
-    list[str] | None,
-    typer.Option("--quantity", "-q", help="Quantity to compute instead of the scene's; may be repeated."),
-]
 MeasureOption = Annotated[
     bool,
     typer.Option(
         "--measure", help="Also compile the omitted functions, to measure how many bytes were saved."
-    ),
-]
-EmitterOption = Annotated[
-    str | None,
-    typer.Option("--emitter", help="Emitter, instead of the scene's: auto, unrolled, lanes, table."),
-]
-InterfaceOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--interface",
-        help="Also callable this way, besides the scene's: casadi, for casadi.external with first "
-        "derivatives; casadi_hessian, with second derivatives too; acados, for its integrators (alone).",
     ),
 ]
 TargetOption = Annotated[
@@ -72,23 +56,6 @@ TargetOption = Annotated[
 WheelOption = Annotated[
     bool,
     typer.Option("--wheel", help="Add a Python package of the library to --out; it needs NumPy alone."),
-]
-PresetOption = Annotated[
-    str | None,
-    typer.Option(
-        "--preset",
-        help="Settings for a purpose, instead of the scene's: casadi, acados, f32, mcu (docs/embedding.md).",
-    ),
-]
-TuneOption = Annotated[
-    bool, typer.Option("--tune", help="Measure emitters and compilers; use and remember the fastest.")
-]
-TuneForOption = Annotated[
-    str | None,
-    typer.Option("--tune-for", help="Like --tune, but by the time of this quantity (--tune: sum of all)."),
-]
-AnyFlagsOption = Annotated[
-    bool, typer.Option("--any-flags", help="Let --tune compare reference and native flags.")
 ]
 
 
@@ -103,12 +70,32 @@ def use_preset(request: "ModelRequest", name: str | None) -> "ModelRequest":
 class RequestOptions:
     """What is asked of a library in place of the scene's."""
 
-    quantity: QuantityOption = None
+    quantity: Annotated[
+        list[str] | None,
+        typer.Option("--quantity", "-q", help="Quantity to compute instead of the scene's; may be repeated."),
+    ] = None
     precision: PrecisionOption = None
-    emitter: EmitterOption = None
+    emitter: Annotated[
+        str | None,
+        typer.Option("--emitter", help="Emitter, instead of the scene's: auto, unrolled, lanes, table."),
+    ] = None
     batch_width: BatchWidthOption = None
-    interface: InterfaceOption = None
-    preset: PresetOption = None
+    interface: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--interface",
+            help="Also callable this way, besides the scene's: casadi, for casadi.external with first "
+            "derivatives; casadi_hessian, with second derivatives too; acados, for its integrators (alone).",
+        ),
+    ] = None
+    preset: Annotated[
+        str | None,
+        typer.Option(
+            "--preset",
+            help="Settings for a purpose, instead of the scene's: casadi, acados, f32, mcu "
+            "(docs/embedding.md).",
+        ),
+    ] = None
     flags: FlagsOption = None
 
 
@@ -116,9 +103,18 @@ class RequestOptions:
 class TuneOptions:
     """Whether and by what emitters and compilers are compared."""
 
-    tune: TuneOption = False
-    tune_for: TuneForOption = None
-    any_flags: AnyFlagsOption = False
+    tune: Annotated[
+        bool, typer.Option("--tune", help="Measure emitters and compilers; use and remember the fastest.")
+    ] = False
+    tune_for: Annotated[
+        str | None,
+        typer.Option(
+            "--tune-for", help="Like --tune, but by the time of this quantity (--tune: sum of all)."
+        ),
+    ] = None
+    any_flags: Annotated[
+        bool, typer.Option("--any-flags", help="Let --tune compare reference and native flags.")
+    ] = False
 
     @property
     def is_given(self) -> bool:
@@ -213,13 +209,9 @@ def _check_target(target: str | None, tunes: bool) -> None:
     """Refuse an unknown target, and one whose speed would have to be measured here."""
     find_target(target, "--target")
     if target is not None and tunes:
-        raise InvalidValueError(
-            "libraries for another machine cannot be measured on this one",
-            where="--target",
-            given=f"--target {target} with --tune",
-            allowed="one of them",
-            hint="build without --tune, or tune on that machine",
-        )
+        problem = "libraries for another machine cannot be measured on this one"
+        value, hint = f"--target {target} with --tune", "build without --tune, or tune on that machine"
+        raise InvalidValueError(problem, where="--target", given=value, allowed="one of them", hint=hint)
 
 
 def _check_wheel(target: str | None, scene: str, out: Path | None) -> None:
@@ -227,12 +219,8 @@ def _check_wheel(target: str | None, scene: str, out: Path | None) -> None:
     from tensegrity_codegen.codegen.wheels.wheel import check_wheel
 
     if out is None:
-        raise InvalidValueError(
-            "there is no folder for the Python package",
-            where="--wheel",
-            allowed="--wheel with --out",
-            hint="add --out FOLDER",
-        )
+        problem, allowed = "there is no folder for the Python package", "--wheel with --out"
+        raise InvalidValueError(problem, where="--wheel", allowed=allowed, hint="add --out FOLDER")
     check_wheel(find_target(target), scene, "--target")
 
 
@@ -292,8 +280,12 @@ def _report(
         tables.append(memory_table(memory.code_bytes, memory.stack_bytes))
     how = "from the cache" if built.from_cache else f"built with {built.compiler}"
     manifest = built.manifest
-    parts = {"function": manifest.functions, "integrator": manifest.integrators, "solver": manifest.solvers}
-    held = ", ".join(describe_count(len(items), word) for word, items in parts.items() if items)
+    functions = {
+        "function": manifest.functions,
+        "integrator": manifest.integrators,
+        "solver": manifest.solvers,
+    }
+    held = ", ".join(describe_count(len(entries), kind) for kind, entries in functions.items() if entries)
     if not held:
         output.warn(
             "the library has no function: name quantities in model.quantities of the scene, integrators in "
@@ -339,7 +331,7 @@ def _describe(built: "BuiltLibrary", folder: Path) -> dict[str, Any]:
         "instruction_sets": manifest.instruction_sets,
         "batch_width": manifest.batch_width,
         "interfaces": manifest.interfaces,
-        "parts": [vars(part) for part in manifest.parts],
+        "parts": [vars(section) for section in manifest.parts],
         "functions": {spec.quantity: spec.symbol for spec in manifest.functions},
         "operations": {spec.quantity: spec.operations for spec in manifest.functions},
         "left_out": [vars(row) for row in manifest.left_out],

@@ -26,23 +26,23 @@ def cache(
         from tensegrity_codegen.system.cache_root import CACHE_VARIABLE
         from tensegrity_codegen.system.summaries import describe_count
 
-        kept = Cache()
-        removed = kept.count() if clear else 0
-        freed = kept.clear() if clear else 0
+        library_cache = Cache()
+        removed = library_cache.count() if clear else 0
+        freed = library_cache.clear() if clear else 0
         data = {
             "status": "ok",
-            "folder": str(kept.root),
+            "folder": str(library_cache.root),
             "variable": CACHE_VARIABLE,
-            "entries": (entries := kept.count()),
-            "bytes": kept.size(),
-            "limit_bytes": kept.limit,
+            "entries": (entries := library_cache.count()),
+            "bytes": library_cache.size(),
+            "limit_bytes": library_cache.limit,
             "removed_entries": removed,
             "freed_bytes": freed,
         }
         lines = [
-            str(kept.root),
-            f"{describe_count(entries, 'library', 'libraries')}, {_mebibytes(kept.size())} "
-            f"of at most {_mebibytes(kept.limit)}",
+            str(library_cache.root),
+            f"{describe_count(entries, 'library', 'libraries')}, {_mebibytes(library_cache.size())} "
+            f"of at most {_mebibytes(library_cache.limit)}",
         ]
         if clear:
             lines.append(f"removed {describe_count(removed, 'library', 'libraries')}, {_mebibytes(freed)}")

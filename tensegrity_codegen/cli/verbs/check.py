@@ -55,7 +55,7 @@ def check(scene: SceneArgument, json: JsonOption = False) -> None:
             "interfaces": request.interfaces,
             "quantities": request.quantities,
             "parameters": list(request.parameters),
-            "inputs": [item.name for item in structure.inputs],
+            "inputs": [source.name for source in structure.inputs],
             **_describe_control(structure),
             **_describe_start(structure),
             "ground": _describe_ground(structure),
@@ -64,7 +64,7 @@ def check(scene: SceneArgument, json: JsonOption = False) -> None:
         counts = {"node": structure.n_nodes, "bar": n_bars, "cable": n_cables}
         counts |= {"free coordinate": structure.n_coordinates}
         finding = describe_count(len(warnings), "probable mistake") if warnings else "no mistake found"
-        counted = ", ".join(describe_count(count, word) for word, count in counts.items())
+        counted = ", ".join(describe_count(count, kind) for kind, count in counts.items())
         output.result(
             data,
             f"{structure.name}: {finding}; {counted}",
@@ -126,13 +126,13 @@ def _describe_control(subject: "Structure | BodySystem") -> dict[str, Any]:
 
 def _summarise_control(subject: "Structure | BodySystem") -> list[str]:
     """Return lines on inputs, sensors and limits, none where there are none."""
-    motors = {item.name for item in subject.actuators}
-    inputs = [item.name for item in subject.inputs if item.name not in motors]
+    motors = {device.name for device in subject.actuators}
+    inputs = [device.name for device in subject.inputs if device.name not in motors]
     stated = _describe_control(subject)["limits"]
-    sensors = [f"{item.name or item.kind} ({len(item.targets)})" for item in subject.sensors]
-    names = {"inputs": inputs, "actuators": [item.name for item in subject.actuators]}
+    sensors = [f"{device.name or device.kind} ({len(device.targets)})" for device in subject.sensors]
+    names = {"inputs": inputs, "actuators": [device.name for device in subject.actuators]}
     names |= {"sensors": sensors, "limits": list(stated)}
-    return [f"{key}: {name_list(items, most=10)}" for key, items in names.items() if items]
+    return [f"{key}: {name_list(entries, most=10)}" for key, entries in names.items() if entries]
 
 
 def _describe_ground(subject: "Structure | BodySystem") -> dict[str, Any] | None:
@@ -142,13 +142,13 @@ def _describe_ground(subject: "Structure | BodySystem") -> dict[str, Any] | None
     ground = subject.ground
     if ground is None:
         return None
-    rest = estimate_contacts(subject, ground)
+    static_contacts = estimate_contacts(subject, ground)
     names = ("weight", "penetration", "largest_penetration", "frequency", "stick_offset")
     of_ground = {name: getattr(ground, name) for name in ("normal", "stiffness", "dissipation", "friction")}
     contacts = [subject.node_name[node] for node in ground.node]
-    edge = find_edge(subject, ground) if rest.weight > 0 else ()
+    edge = find_edge(subject, ground) if static_contacts.weight > 0 else ()
     return {
-        "contacts": contacts, **of_ground, **{name: getattr(rest, name) for name in names},
+        "contacts": contacts, **of_ground, **{name: getattr(static_contacts, name) for name in names},
         "stands_on_edge": [subject.node_name[node] for node in edge],
     }  # fmt: skip
 

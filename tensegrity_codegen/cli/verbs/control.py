@@ -13,12 +13,10 @@ from tensegrity_codegen.cli.control_options import (
     DesignOptions,
     MotionOptions,
     StudyOptions,
-    read_errors,
-)
-from tensegrity_codegen.cli.controlled_motion import (
     check_build,
     check_motion_gusts,
     read_controlled,
+    read_errors,
     write_controller,
 )
 from tensegrity_codegen.cli.options import CompilerOption, OverwriteOption, PrintOptions, SceneArgument
@@ -86,9 +84,9 @@ def control(
         if controller.lacks_sensors:
             output.warn("the scene has no [[sensors]]: feedback is simulated with the true state only")
         with output.progress("designing feedback"):
-            parts = controller.build()
-        del parts["stored_gains"]
-        found = _study(
+            design_parts = controller.build()
+        del design_parts["stored_gains"]
+        result = _study(
             output,
             replace(study, in_c=in_c),
             model,
@@ -96,20 +94,20 @@ def control(
             errors=errors,
             arguments=arguments,
             compiler=compiler,
-            **parts,
+            **design_parts,
         )
         # Its arrays, its page, the controller in C.
         if out is not None:
-            write_arrays(out, found.arrays(), overwrite=overwrite)
+            write_arrays(out, result.arrays(), overwrite=overwrite)
         if page is not None:
-            _write_page(output, found, model, subject, page, overwrite)
+            _write_page(output, result, model, subject, page, overwrite)
         written: dict[str, Any] = {"out": None if out is None else str(out)}
         written["page"] = None if page is None else str(page)
         written["build"] = write_controller(
-            output, found, model, code, scene=scene, compiler=compiler, overwrite=overwrite
+            output, result, model, code, scene=scene, compiler=compiler, overwrite=overwrite
         )
-        _report(output, subject, found, written)
-        if not found.holds:
+        _report(output, subject, result, written)
+        if not result.holds:
             raise typer.Exit(3)
 
 

@@ -1,5 +1,6 @@
 """The verb `examples`: the scenes that ship with the package."""
 
+from importlib.resources import files
 from pathlib import Path
 from typing import Annotated
 
@@ -7,9 +8,25 @@ import typer
 
 from tensegrity_codegen.cli.options import JsonOption, OverwriteOption
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.cli.scene_files import list_examples, read_example
 from tensegrity_codegen.cli.verb import Verb
+from tensegrity_codegen.system.errors import check_choice
 from tensegrity_codegen.system.files import check_ending, write_text
+
+
+def list_examples() -> dict[str, str]:
+    """Return name -> text of the scenes that ship with the package."""
+    folder = files("tensegrity_codegen.scene").joinpath("examples")
+    examples = {
+        file.name.removesuffix(".toml"): file for file in folder.iterdir() if file.name.endswith(".toml")
+    }
+    return {name: examples[name].read_text(encoding="utf-8") for name in sorted(examples)}
+
+
+def read_example(name: str) -> str:
+    """Return the text of an example; UnknownNameError for a name that is none."""
+    examples = list_examples()
+    check_choice(name, examples, "example", "examples")
+    return examples[name]
 
 
 def examples(
@@ -27,7 +44,7 @@ def examples(
     output = Output(json)
     with output.guard():
         if name is None:
-            about = {key: text.splitlines()[0].lstrip("# ") for key, text in list_examples().items()}
+            about = {key: content.splitlines()[0].lstrip("# ") for key, content in list_examples().items()}
             lines = [f"{key:<14} {sentence}" for key, sentence in about.items()]
             output.result({"status": "ok", "examples": about}, "\n".join(lines))
             return

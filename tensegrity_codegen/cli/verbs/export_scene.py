@@ -6,8 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from tensegrity_codegen.cli.control_options import list_export_options, read_export_options
-from tensegrity_codegen.cli.controlled_motion import design_prediction
+from tensegrity_codegen.cli.control_options import design_prediction, list_export_options, read_export_options
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import OptionGroup, Verb, VerbCommand
@@ -15,36 +14,6 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 FormatArgument = Annotated[
     str, typer.Argument(metavar="FORMAT", help="One of the formats below.", show_default=False)
-]
-FmiOption = Annotated[
-    str | None, typer.Option("--fmi", help="fmu: version of the standard, 2.0 or 3.0 (2.0).")
-]
-KindOption = Annotated[
-    str | None,
-    typer.Option("--kind", help="fmu: me (model exchange), cs (co-simulation) or both (both)."),
-]
-OutputsOption = Annotated[
-    list[str] | None,
-    typer.Option("--output", help="fmu: quantity that is an output; repeat for several."),
-]
-MethodOption = Annotated[
-    str | None, typer.Option("--method", help="fmu: integrator of the co-simulation (auto).")
-]
-EndOption = Annotated[
-    float | None, typer.Option("--t-end", help="fmu: stop time of the default experiment [s] (1).")
-]
-ToleranceOption = Annotated[
-    float | None, typer.Option("--rtol", help="fmu: relative tolerance of the default experiment (1e-6).")
-]
-SourcesOption = Annotated[
-    bool, typer.Option("--sources-only", help="fmu: no binary for this machine, which needs a C compiler.")
-]
-TargetsOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--target",
-        help="fmu: machine that a binary is compiled for, by zig, instead of this one; repeat for several.",
-    ),
 ]
 TrajectoryOption = Annotated[
     Path | None,
@@ -69,7 +38,7 @@ class ExportCommand(VerbCommand):
         """Write the formats."""
         from tensegrity_codegen.export.exporter import find_exporters
 
-        rows = [(item.name, item.title) for item in find_exporters()]
+        rows = [(exporter.name, exporter.title) for exporter in find_exporters()]
         if rows:
             with formatter.section("Formats"):
                 formatter.write_dl(rows)
@@ -79,14 +48,38 @@ class ExportCommand(VerbCommand):
 class FmuOptions:
     """Options that only FMUs have; None where they are not given."""
 
-    fmi: FmiOption = None
-    kind: KindOption = None
-    outputs: OutputsOption = None
-    method: MethodOption = None
-    t_end: EndOption = None
-    rtol: ToleranceOption = None
-    sources_only: SourcesOption = False
-    targets: TargetsOption = None
+    fmi: Annotated[
+        str | None, typer.Option("--fmi", help="fmu: version of the standard, 2.0 or 3.0 (2.0).")
+    ] = None
+    kind: Annotated[
+        str | None,
+        typer.Option("--kind", help="fmu: me (model exchange), cs (co-simulation) or both (both)."),
+    ] = None
+    outputs: Annotated[
+        list[str] | None,
+        typer.Option("--output", help="fmu: quantity that is an output; repeat for several."),
+    ] = None
+    method: Annotated[
+        str | None, typer.Option("--method", help="fmu: integrator of the co-simulation (auto).")
+    ] = None
+    t_end: Annotated[
+        float | None, typer.Option("--t-end", help="fmu: stop time of the default experiment [s] (1).")
+    ] = None
+    rtol: Annotated[
+        float | None, typer.Option("--rtol", help="fmu: relative tolerance of the default experiment (1e-6).")
+    ] = None
+    sources_only: Annotated[
+        bool,
+        typer.Option("--sources-only", help="fmu: no binary for this machine, which needs a C compiler."),
+    ] = False
+    targets: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--target",
+            help="fmu: machine that a binary is compiled for, by zig, instead of this one; repeat for "
+            "several.",
+        ),
+    ] = None
 
 
 def export_scene(

@@ -84,8 +84,8 @@ def form(
     with output.guard(scene):
         check_result(out, ".toml", PAGE, inputs=[scene], overwrite=overwrite)
         stated: dict[str, Any] = {
-            word: parse_member_values(texts or [], f"--{word}")
-            for word, texts in (("density", density), ("force", force), ("length", length))
+            kind: parse_member_values(texts or [], f"--{kind}")
+            for kind, texts in (("density", density), ("force", force), ("length", length))
         }
         goals: dict[str, Any] = {
             "target_length": parse_member_numbers(target_length or [], "--target-length", (1, 2)),
@@ -99,18 +99,18 @@ def form(
 
         if least_load_path or any(goals.values()):
             limit_threads()  # the matrices are too small for several: waiting for each other takes longer
-        found = find(scene, **stated, **goals, least_load_path=least_load_path, compiler=compiler)
+        shape = find(scene, **stated, **goals, least_load_path=least_load_path, compiler=compiler)
         if out is not None and out.suffix.lower() == PAGE:
-            form_live(found, stated["density"], out, overwrite)
+            form_live(shape, stated["density"], out, overwrite)
         elif out is not None:
-            write_scene(found.document, out, overwrite=overwrite)
-        data = {**found.as_evidence(), "out": None if out is None else str(out)}
-        lines = [f"largest force that is not balanced: {found.residual:.3g} N"]
+            write_scene(shape.document, out, overwrite=overwrite)
+        data = {**shape.as_evidence(), "out": None if out is None else str(out)}
+        lines = [f"largest force that is not balanced: {shape.residual:.3g} N"]
         if out is not None:
             lines.append(str(out))
-        table = members_table(found.structure, found.member_length, found.member_tension)
-        output.result(data, found.headline(), table, *lines)
-        if found.status != "stable":
+        table = members_table(shape.structure, shape.member_length, shape.member_tension)
+        output.result(data, shape.headline(), table, *lines)
+        if shape.status != "stable":
             raise typer.Exit(3)
 
 

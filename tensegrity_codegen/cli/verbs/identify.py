@@ -92,10 +92,10 @@ def identify(
         subject, _ = output.load(scene)
         schedule = None
         if profile is not None:
-            schedule = read_profile(profile, [item.name for item in subject.inputs])
+            schedule = read_profile(profile, [source.name for source in subject.inputs])
             output.warn(*list_excesses(schedule, subject))
         with output.progress("identifying") as move:
-            found = find(
+            result = find(
                 scene,
                 data,
                 by,
@@ -107,25 +107,24 @@ def identify(
                 progress=move,
             )
         if out is not None:
-            found.write_scene(out, overwrite=overwrite)
-        _report(output, found, out)
-        if found.status != "ok":
+            result.write_scene(out, overwrite=overwrite)
+        _report(output, result, out)
+        if result.status != "ok":
             raise typer.Exit(3)
 
 
 def _read_bounds(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Return KEY=LOW:HIGH as bounds by key; raises InvalidValueError for another text."""
-    found = {}
-    for text in texts:
-        key, _, ends = text.partition("=")
+    bounds = {}
+    for entry in texts:
+        key, _, ends = entry.partition("=")
         low, _, high = ends.partition(":")
         try:
-            found[key] = float(low), float(high)
+            bounds[key] = float(low), float(high)
         except ValueError:
-            raise InvalidValueError(
-                "not the bounds of a number", where="--bounds", given=text, allowed="KEY=LOW:HIGH"
-            ) from None
-    return found
+            problem = "not the bounds of a number"
+            raise InvalidValueError(problem, where="--bounds", given=entry, allowed="KEY=LOW:HIGH") from None
+    return bounds
 
 
 def _read_noise(texts: Sequence[str]) -> float | dict[str, float] | None:
@@ -133,12 +132,11 @@ def _read_noise(texts: Sequence[str]) -> float | dict[str, float] | None:
     try:
         if len(texts) == 1 and "=" not in texts[0]:
             return float(texts[0])
-        pairs = [text.partition("=") for text in texts]
+        pairs = [entry.partition("=") for entry in texts]
         return {kind: float(size) for kind, _, size in pairs} or None
     except ValueError:
-        raise InvalidValueError(
-            "not a size of the noise", where="--noise", given=", ".join(texts), allowed="SIZE, or KIND=SIZE"
-        ) from None
+        problem, value = "not a size of the noise", ", ".join(texts)
+        raise InvalidValueError(problem, where="--noise", given=value, allowed="SIZE, or KIND=SIZE") from None
 
 
 def _report(output: Output, found: "Identification", out: Path | None) -> None:

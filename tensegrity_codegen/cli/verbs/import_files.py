@@ -12,23 +12,6 @@ from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb, VerbCommand
 from tensegrity_codegen.system.files import check_ending, check_output
 
-RatioOption = Annotated[
-    float | None,
-    typer.Option(help="NTRT only: spring constant of rods over that of the stiffest cable (1000)."),
-]
-RigidOption = Annotated[
-    bool, typer.Option("--rigid", help="NTRT only: rods keep their length exactly, as in the toolkit.")
-]
-PretensionOption = Annotated[
-    float | None, typer.Option(help="NTRT only: factor on the pretension of all cables (1).")
-]
-ToleranceOption = Annotated[
-    float | None,
-    typer.Option(help="DXF, glTF: distance of ends that are one node, as in the file (1e-6 of the size)."),
-]
-StiffnessOption = Annotated[
-    float | None, typer.Option("--axial-stiffness", help="DXF, glTF: EA of cables [N] (1000).")
-]
 GravityOption = Annotated[
     str | None, typer.Option("--gravity", help="gx,gy,gz [m/s2], in the axes of the scene.")
 ]
@@ -44,11 +27,25 @@ ScaleOption = Annotated[
 class FormatOptions:
     """Options that only some formats have; None where they are not given."""
 
-    bar_stiffness_ratio: RatioOption = None
-    rigid: RigidOption = False
-    pretension_scale: PretensionOption = None
-    tolerance: ToleranceOption = None
-    axial_stiffness: StiffnessOption = None
+    bar_stiffness_ratio: Annotated[
+        float | None,
+        typer.Option(help="NTRT only: spring constant of rods over that of the stiffest cable (1000)."),
+    ] = None
+    rigid: Annotated[
+        bool, typer.Option("--rigid", help="NTRT only: rods keep their length exactly, as in the toolkit.")
+    ] = False
+    pretension_scale: Annotated[
+        float | None, typer.Option(help="NTRT only: factor on the pretension of all cables (1).")
+    ] = None
+    tolerance: Annotated[
+        float | None,
+        typer.Option(
+            help="DXF, glTF: distance of ends that are one node, as in the file (1e-6 of the size)."
+        ),
+    ] = None
+    axial_stiffness: Annotated[
+        float | None, typer.Option("--axial-stiffness", help="DXF, glTF: EA of cables [N] (1000).")
+    ] = None
 
 
 class ImportCommand(VerbCommand):
@@ -59,7 +56,7 @@ class ImportCommand(VerbCommand):
         from tensegrity_codegen.scene.formats.format import find_formats
 
         with formatter.section("Formats"):
-            formatter.write_dl([(item.example, item.title) for item in find_formats()])
+            formatter.write_dl([(format.example, format.title) for format in find_formats()])
 
 
 def import_foreign(
@@ -104,7 +101,9 @@ def import_foreign(
         check_output(out, inputs=sources, overwrite=overwrite)
         write_scene(imported.document, out, overwrite=overwrite)
         turned = any("lies on its side" in note for note in imported.notes)
-        doubts = [text for text in find_scene_warnings(structure) if not (turned and "on its side" in text)]
+        doubts = [
+            doubt for doubt in find_scene_warnings(structure) if not (turned and "on its side" in doubt)
+        ]
         notes = (*imported.notes, *doubts)
         for note in notes:
             output.warn(note)
@@ -123,9 +122,9 @@ def _describe_name(name: str, stem: str) -> str:
     """Return what the scene is called, and how it gets the name of its file, `stem`, or another one."""
     from tensegrity_codegen.scene.names import is_scene_name
 
-    other = stem if is_scene_name(stem) else "NAME"
+    name_shown = stem if is_scene_name(stem) else "NAME"
     return (
-        f'the scene is called "{name}", and so are its library and C functions; --name {other} gives it '
+        f'the scene is called "{name}", and so are its library and C functions; --name {name_shown} gives it '
         "another name"
     )
 

@@ -6,8 +6,8 @@ import typer
 
 from tensegrity_codegen.cli.options import JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.cli.scene_files import read_example
 from tensegrity_codegen.cli.verb import Verb
+from tensegrity_codegen.cli.verbs.examples import read_example
 from tensegrity_codegen.system.files import check_ending, write_text
 
 
@@ -30,9 +30,9 @@ def new(
         check_ending(scene, ".toml")
         check_scene_name(scene.stem, where=str(scene))
         lines = read_example(shape).splitlines(keepends=True)
-        place = next(index for index, line in enumerate(lines) if line.startswith("name ="))
-        comment = lines[place].partition("#")
-        lines[place] = f'name = "{scene.stem}"' + (f"  #{comment[2]}" if comment[1] else "\n")
+        name_line = next(index for index, line in enumerate(lines) if line.startswith("name ="))
+        comment = lines[name_line].partition("#")
+        lines[name_line] = f'name = "{scene.stem}"' + (f"  #{comment[2]}" if comment[1] else "\n")
         write_text("".join(lines), scene, overwrite=overwrite)
         output.result({"status": "ok", "scene": str(scene), "shape": shape}, f"wrote {scene}")
 

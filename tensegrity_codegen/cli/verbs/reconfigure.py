@@ -66,18 +66,20 @@ def reconfigure(
         from tensegrity_codegen.studies.papers.scs.reconfiguration import plan_reconfiguration
         from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricPose, SymmetricTower
 
-        first = read_numbers(start, "--from", "al,de,Z")
-        last = read_numbers(end, "--to", "al" if zero_torque else "al,de")
+        start_angles = read_numbers(start, "--from", "al,de,Z")
+        end_angles = read_numbers(end, "--to", "al" if zero_torque else "al,de")
         check_whole(samples, "--samples", 2, MOST_SAMPLES)
         check_result(out, ".npz", inputs=[scene], overwrite=overwrite)
         tower = SymmetricTower(output.load(scene)[0])
         target = (
-            math.radians(last[0]) if zero_torque else SymmetricPose.from_degrees(last[0], last[1], first[2])
+            math.radians(end_angles[0])
+            if zero_torque
+            else SymmetricPose.from_degrees(end_angles[0], end_angles[1], start_angles[2])
         )
         with output.progress("planning"):
             plan = plan_reconfiguration(
                 tower,
-                SymmetricPose.from_degrees(*first),
+                SymmetricPose.from_degrees(*start_angles),
                 target,
                 duration=tau,
                 force=force,
@@ -96,13 +98,12 @@ def reconfigure(
 def read_numbers(text: str, where: str, form: str) -> list[float]:
     """Return the finite numbers of a text such as "55,40,1.1"; form: what stands in it."""
     try:
-        numbers = [float(part) for part in text.split(",")]
+        numbers = [float(field) for field in text.split(",")]
     except ValueError:
         numbers = []
     if len(numbers) != form.count(",") + 1 or not all(math.isfinite(number) for number in numbers):
-        raise InvalidValueError(
-            "not a configuration", where=where, given=text, allowed=f"finite numbers {form}"
-        )
+        problem = "not a configuration"
+        raise InvalidValueError(problem, where=where, given=text, allowed=f"finite numbers {form}")
     return numbers
 
 
@@ -113,9 +114,9 @@ def describe(data: dict[str, Any]) -> list[str]:
         f"alpha {data['start_deg'][0]:g} to {alpha:g} deg, delta {data['start_deg'][1]:g} to {delta:.6g} deg",
         f"  at Z = {height:g} m in {data['duration']:g} s, under F_3 = {data['force']:g} N",
     ]
-    for name, least in data["least_tension"].items():
+    for name, tension in data["least_tension"].items():
         ends = f"{data['tension_start'][name]:.6g} to {data['tension_end'][name]:.6g} N"
-        lines.append(f"  {name:10s} {ends}, least {least['value']:.6g} N at {least['time']:.4g} s")
+        lines.append(f"  {name:10s} {ends}, least {tension['value']:.6g} N at {tension['time']:.4g} s")
     lines.append(f"  largest torque {data['largest_torque']:.3g} N m")
     lines.append(f"  residual of the full equations: {data['largest_residual']:.2g} N, N m")
     if "tracking" in data:

@@ -26,24 +26,24 @@ class LabelsCommand(VerbCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the words after the verb."""
         # The words with the value of --labels written out
-        words: list[str] = []
+        shown_args: list[str] = []
         is_option = True
-        for k, word in enumerate(args):
-            is_option = is_option and word != "--"
-            words.append(word)
-            if is_option and word == OPTION and not _is_value(args[k + 1 : k + 2]):
-                words[-1] = f"{OPTION}={ALL_LABELS}"
-        return super().parse_args(ctx, words)
+        for k, argument in enumerate(args):
+            is_option = is_option and argument != "--"
+            shown_args.append(argument)
+            if is_option and argument == OPTION and not _is_value(args[k + 1 : k + 2]):
+                shown_args[-1] = f"{OPTION}={ALL_LABELS}"
+        return super().parse_args(ctx, shown_args)
 
 
 def _is_value(following: list[str]) -> bool:
     """Return whether the next word, if there is one, is meant as the value."""
     if not following or following[0].startswith("-"):
         return False
-    word = following[0]
-    if {part.strip().lower() for part in word.split(",")} <= {*WORDS, ""}:
+    value = following[0]
+    if {label.strip().lower() for label in value.split(",")} <= {*WORDS, ""}:
         return True
-    return not (Path(word).suffix or "/" in word or Path(word).exists())
+    return not (Path(value).suffix or "/" in value or Path(value).exists())
 
 
 USUAL_COLOR = "tension"

@@ -87,7 +87,7 @@ def size(
         from tensegrity_codegen.scene.write import write_scene
 
         subject, _ = output.load(scene)
-        found = size_members(
+        sizing = size_members(
             scene,
             youngs_modulus=parse_member_values(youngs_modulus or [], "--youngs-modulus", alone="all"),
             density=parse_member_values(density or [], "--density", alone="all"),
@@ -99,14 +99,14 @@ def size(
             max_splits=max_splits,
         )
         if out is not None:
-            write_scene(found.document, out, overwrite=overwrite)
-        data = {**found.as_evidence(), "out": None if out is None else str(out)}
-        lines = [f"proved: no sections carry the loads below {found.lower_bound:.9g} kg"]
+            write_scene(sizing.document, out, overwrite=overwrite)
+        data = {**sizing.as_evidence(), "out": None if out is None else str(out)}
+        lines = [f"proved: no sections carry the loads below {sizing.lower_bound:.9g} kg"]
         if out is not None:
             lines.append(str(out))
-        columns = (found.radius, found.member_mass, found.limit, found.governing_case)
-        table = sizes_table(found.structure, found.member_tension, *columns)
-        output.result(data, found.headline(), table, *lines)
+        columns = (sizing.radius, sizing.member_mass, sizing.limit, sizing.governing_case)
+        table = sizes_table(sizing.structure, sizing.member_tension, *columns)
+        output.result(data, sizing.headline(), table, *lines)
 
 
 def _parse_sections(text: str) -> list[float]:
@@ -121,26 +121,24 @@ def _parse_sections(text: str) -> list[float]:
 
 def _parse_cases(texts: list[str], structure: "Structure") -> dict[str, dict[str, float | list[float]]]:
     """Return forces by node and numbers by name, by case, of CASE:NAME=... texts."""
-    found: dict[str, list[str]] = {}
-    for text in texts:
-        name, colon, load = text.partition(":")
+    entries: dict[str, list[str]] = {}
+    for entry in texts:
+        name, colon, load = entry.partition(":")
         if not colon or not name.strip():
-            raise InvalidValueError(
-                "not a load of a case",
-                where="--case",
-                given=text,
-                allowed="CASE:NODE=fx,fy,fz",
-                hint="for example wind:t1=10,0,0",
-            )
-        found.setdefault(name.strip(), []).extend([load] if load.strip() else [])
+            problem, allowed = "not a load of a case", "CASE:NODE=fx,fy,fz"
+            hint = "for example wind:t1=10,0,0"
+            raise InvalidValueError(problem, where="--case", given=entry, allowed=allowed, hint=hint)
+        entries.setdefault(name.strip(), []).extend([load] if load.strip() else [])
     cases: dict[str, dict[str, float | list[float]]] = {}
-    for name, stated in found.items():
+    for name, loads in entries.items():
         numbers = [
-            t for t in stated if "," not in t and t.partition("=")[0].strip() not in structure.node_name
+            load
+            for load in loads
+            if "," not in load and load.partition("=")[0].strip() not in structure.node_name
         ]
-        forces = parse_loads([t for t in stated if t not in numbers], structure, "--case").tolist()
-        loads = {n: force for n, force in zip(structure.node_name, forces, strict=True) if any(force)}
-        cases[name] = {**loads, **parse_member_values(numbers, "--case")}
+        forces = parse_loads([load for load in loads if load not in numbers], structure, "--case").tolist()
+        by_node = {node: force for node, force in zip(structure.node_name, forces, strict=True) if any(force)}
+        cases[name] = {**by_node, **parse_member_values(numbers, "--case")}
     return cases
 
 

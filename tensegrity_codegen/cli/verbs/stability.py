@@ -72,11 +72,13 @@ def stability(
                 overwrite=overwrite,
                 notice=notice,
             )
-        counts = {word: made.count(word, own=True) for word in VERDICTS}
+        counts = {verdict: made.count(verdict, own=True) for verdict in VERDICTS}
         status = "unstable" if counts["wrong"] else "ok"
-        said = "our runs: " + ", ".join(f"{count} {WORDS[word]}" for word, count in counts.items() if count)
+        summary = "our runs: " + ", ".join(
+            f"{count} {WORDS[verdict]}" for verdict, count in counts.items() if count
+        )
         rules = {rule: made.count_rule(rule) for rule in RULES}
-        said += "; certified " + ", ".join(
+        summary += "; certified " + ", ".join(
             f"{count} by {RULE_WORDS[rule]}" for rule, count in rules.items() if count
         )
         if made.cases_not_run:
@@ -87,7 +89,7 @@ def stability(
         files = {"html": str(made.html), "data": str(made.data)}
         output.result(
             {"status": status, "files": files, "counts": counts, "resumed": output.resumed, **made.as_dict()},
-            said,
+            summary,
             list_files(files),
         )
         if counts["wrong"]:

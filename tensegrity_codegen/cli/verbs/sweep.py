@@ -9,7 +9,7 @@ import typer
 
 from tensegrity_codegen.cli.options import JsonOption, OverwriteOption, PrintOptions, SceneArgument
 from tensegrity_codegen.cli.output import Output, check_result
-from tensegrity_codegen.cli.sweep_options import (
+from tensegrity_codegen.cli.sweep_run import (
     CaseOptions,
     ResultOptions,
     RunOptions,
@@ -58,14 +58,14 @@ def build_commands(results: "SweepResults", case: int) -> tuple[str, ...]:
 def _list_options(kind: "type[CaseAnalysis] | None", options: Mapping[str, Any]) -> list[str]:
     """Return the options of the operation as words of its verb."""
     words = []
-    for item in () if kind is None else kind.list_sweep_options():
-        value = options.get(item.name)
-        if not item.in_verb or value in (None, ""):
+    for option in () if kind is None else kind.list_sweep_options():
+        value = options.get(option.name)
+        if not option.in_verb or value in (None, ""):
             continue
-        if item.flag is None:
-            words += [name_option(item.name), repr(value) if isinstance(value, float) else str(value)]
-        elif value == item.flag[1]:
-            words.append(name_option(item.argument))
+        if option.flag is None:
+            words += [name_option(option.name), repr(value) if isinstance(value, float) else str(value)]
+        elif value == option.flag[1]:
+            words.append(name_option(option.argument))
     return words
 
 
@@ -157,17 +157,17 @@ def summary(
         from tensegrity_codegen.sweeps.summary.results import read_results
         from tensegrity_codegen.sweeps.summary.summary import summarize
 
-        found = summarize(read_results(file), result or (), over or (), build_commands)
+        data = summarize(read_results(file), result or (), over or (), build_commands)
         if out is not None:
             from tensegrity_codegen.report.pages.page import write_page
             from tensegrity_codegen.sweeps.summary.summary_page import build_summary_page
 
-            write_page(build_summary_page(found, quote_command()), out, overwrite=overwrite)
+            write_page(build_summary_page(data, quote_command()), out, overwrite=overwrite)
         written = [] if out is None else [f"wrote {out}"]
         output.result(
-            {"status": "ok", **found.as_dict(), "out": None if out is None else str(out)},
-            describe_finding(found),
-            *list_tables(found),
+            {"status": "ok", **data.as_dict(), "out": None if out is None else str(out)},
+            describe_finding(data),
+            *list_tables(data),
             *written,
         )
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import cont2discrete
 
 from tensegrity_codegen import compile_scene, find_equilibrium
-from tensegrity_codegen.cli.scene_files import list_examples
+from tensegrity_codegen.cli.verbs.examples import list_examples
 from tensegrity_codegen.control.feedback.design.linear_samples import sample_linear_models
 from tensegrity_codegen.control.feedback.design.riccati import describe_direction, find_uncontrolled
 from tensegrity_codegen.control.feedback.lqr import design_lqr

@@ -29,7 +29,7 @@ from tensegrity_codegen import (
     study_control,
     time_motion,
 )
-from tensegrity_codegen.cli.scene_files import list_examples
+from tensegrity_codegen.cli.verbs.examples import list_examples
 from tensegrity_codegen.structure.actuators import Sensor
 from tensegrity_codegen.system.checks import MovedArgumentError
 from tensegrity_codegen.system.errors import TensegrityError

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tensegrity_codegen.cli.scene_files import list_examples
+from tensegrity_codegen.cli.verbs.examples import list_examples
 from tensegrity_codegen.control.planning.plan import plan
 from tensegrity_codegen.control.planning.step_problem import Program
 from tensegrity_codegen.runtime.records.plan_result import PlanResult

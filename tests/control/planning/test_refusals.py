@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.cli.scene_files import list_examples
+from tensegrity_codegen.cli.verbs.examples import list_examples
 from tensegrity_codegen.control.pages.plans import describe_plan
 from tensegrity_codegen.control.planning.plan import plan
 from tensegrity_codegen.runtime.analysis.certificate import Certificate

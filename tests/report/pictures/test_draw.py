@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("matplotlib", reason="pictures need matplotlib")
 
 from tensegrity_codegen import compile_scene, draw, find_equilibrium, load_scene, read_scene, simulate
-from tensegrity_codegen.cli.scene_files import read_example
+from tensegrity_codegen.cli.verbs.examples import read_example
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 from tests.cases import thorough

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.cli.scene_files import list_examples
+from tensegrity_codegen.cli.verbs.examples import list_examples
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_structure
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.scene.assemble.assemble import assemble

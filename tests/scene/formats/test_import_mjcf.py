@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tensegrity_codegen import compile_scene, load_scene, simulate
-from tensegrity_codegen.cli.scene_files import read_example
+from tensegrity_codegen.cli.verbs.examples import read_example
 from tensegrity_codegen.export.exporter import ExportSource, write_export
 from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.formats.format import read_files

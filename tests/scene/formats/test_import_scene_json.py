@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tensegrity_codegen import read_scene
-from tensegrity_codegen.cli.scene_files import list_examples, read_example
+from tensegrity_codegen.cli.verbs.examples import list_examples, read_example
 from tensegrity_codegen.export.exporter import ExportSource, write_export
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.scene.formats.format import read_files
