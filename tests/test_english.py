@@ -8,6 +8,7 @@ noun that they are about, and constants have names that say what they bound.
 import ast
 import functools
 import re
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -116,6 +117,41 @@ def test_names_of_constants_and_functions_are_plain() -> None:
                 f"{path.relative_to(ROOT)}: {name}" for name in names if name.strip("_") in UNCLEAR_NAMES
             ]
     assert found == []
+
+
+# Names of variables that say of nothing in particular what it is, and how many of 1,000 may be such.
+VAGUE = frozenset(
+    "found given told kept known wanted asked taken left said own nothing one other others rest part parts "
+    "item items place places share shares first last least most both each whole apart near far more word "
+    "words what which where there behind beside text".split()
+)
+MAX_VAGUE = 40.0
+# Of 1,000 words in docstrings and comments: nouns instead of clauses.
+MAX_CLAUSES = {"what": 4.0, "where": 6.0}
+
+
+def test_variables_are_named_by_nouns() -> None:
+    counts = Counter(
+        node.id
+        for path in MODULES
+        for node in ast.walk(parse(path))
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+    )
+    assert 1000 * sum(counts[name] for name in VAGUE) / counts.total() <= MAX_VAGUE
+
+
+def test_prose_in_code_has_few_clauses() -> None:
+    counts: Counter[str] = Counter()
+    for path in MODULES:
+        texts = [
+            ast.get_docstring(node) or ""
+            for node in ast.walk(parse(path))
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
+        ]
+        texts += [line.partition("#")[2] for line in path.read_text(encoding="utf-8").splitlines()]
+        counts.update(re.findall(r"[a-z']+", " ".join(texts).lower()))
+    rates = {word: 1000 * counts[word] / counts.total() for word in MAX_CLAUSES}
+    assert {word: rate for word, rate in rates.items() if rate > MAX_CLAUSES[word]} == {}
 
 
 def test_messages_of_the_package_have_no_words_of_dialect() -> None:

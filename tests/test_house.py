@@ -215,6 +215,22 @@ def test_the_list_of_verbs_imports_no_package_that_computes() -> None:
     assert sorted({*HEAVY, "pydantic"} & {*loaded}) == []
 
 
+# Lines of Python that a room may have; who needs more changes the number in the same commit, and says why.
+MAX_LINES: dict[str, int] = {}
+
+
+@pytest.mark.parametrize("room", MAX_LINES)
+def test_rooms_keep_to_their_budget_of_lines(room: str) -> None:
+    paths = (ROOT / "tensegrity_codegen" / room).rglob("*.py")
+    lines = sum(path.read_text(encoding="utf-8").count("\n") for path in paths)
+    assert lines <= MAX_LINES[room], f"{room} has {lines} lines"
+
+
+def test_every_room_has_a_budget_of_lines() -> None:
+    folders = {path.parent.name for path in (ROOT / "tensegrity_codegen").glob("*/__init__.py")}
+    assert folders == {*MAX_LINES}
+
+
 @pytest.mark.parametrize("room", ["runtime", "codegen", "scene"])
 def test_no_folder_has_more_than_fifteen_modules(room: str) -> None:
     top = ROOT / "tensegrity_codegen" / room
