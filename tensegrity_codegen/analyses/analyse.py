@@ -77,7 +77,7 @@ class Analyse(AtPoint):
 
     name: ClassVar[str] = "analyse"
     success_phrase: ClassVar[str] = "were analysed"
-    verb_order: ClassVar[int | None] = 120
+    verb_order: ClassVar[int] = 120
     takes: ClassVar[tuple[str, ...]] = ("input", "strict")
     files: ClassVar[tuple[ResultFile, ...]] = (
         ResultFile("out", (".npz",), "Write self-stresses, mechanisms, tensions, modes and proof (.npz)."),
@@ -98,7 +98,7 @@ class Analyse(AtPoint):
         Option("singular values above this part of the largest one never count as zero.", in_sweep=False),
     ] = 1e-6
     n_modes: Annotated[
-        int, Option("number of natural frequencies and modes.", word="modes", in_sweep=False)
+        int, Option("number of natural frequencies and modes.", argument_name="modes", in_sweep=False)
     ] = 10
     prestress: Annotated[
         str | None,
@@ -112,7 +112,7 @@ class Analyse(AtPoint):
     def compute_case(
         self, model: "CompiledModel", point: Point, arguments: Mapping[str, Any], names: Collection[str]
     ) -> Mapping[str, Any]:
-        """Return what is kept of the analysis of one case."""
+        """Return the results `names` of one case."""
         from tensegrity_codegen.runtime.analysis.analyse import analyse
         from tensegrity_codegen.runtime.model.interface import name_states
 
@@ -129,7 +129,7 @@ class Analyse(AtPoint):
         return results
 
     def check_files(self, paths: "Mapping[str, Any]") -> None:
-        """Raise InvalidValueError where one of --prestress and --scene-out lacks the other."""
+        """Raise InvalidValueError if only one of --prestress and --scene-out is stated."""
         if (self.prestress is None) != (paths.get("scene_out") is None):
             raise InvalidValueError(
                 "the size of the prestress and the file to write belong together",
@@ -146,11 +146,11 @@ class Analyse(AtPoint):
         from tensegrity_codegen.system.progress import work_pass
 
         statics = with_statics(case.subject, case.request)
-        near, offset = move_near_origin(case.subject, case.request)
-        needs = find_needs("analyse", near, statics).alone(statics)
+        centred, offset = move_near_origin(case.subject, case.request)
+        needs = find_needs("analyse", centred, statics).alone(statics)
         if self.settles:
-            needs = find_needs("equilibrium", near, statics).besides(needs)
-        model = case.build(near, needs)
+            needs = find_needs("equilibrium", centred, statics).besides(needs)
+        model = case.build(centred, needs)
         start, arguments = None, case.arguments
         if self.settles:
             equilibrium = case.settle(model)
@@ -163,8 +163,8 @@ class Analyse(AtPoint):
                 rank_tolerance=self.rank_tolerance,
                 n_modes=self.n_modes,
             )
-        placed = replace(analysis, node_position=analysis.node_position + offset)
-        return AnalyseResult(case, self, placed, start)
+        moved = replace(analysis, node_position=analysis.node_position + offset)
+        return AnalyseResult(case, self, moved, start)
 
 
 @dataclass(eq=False)
@@ -172,7 +172,7 @@ class AnalyseResult(Result):
     """The analysis of a scene.
 
     start (n_coordinates,): the equilibrium that was analysed; None: the positions of the scene.
-    prestressed, prestressed_scene: what was written with the prestress found, and where.
+    prestressed, prestressed_scene: the scene written with the prestress found, and its path.
     """
 
     case: "SceneCase"
@@ -184,7 +184,7 @@ class AnalyseResult(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences about what may be unexpected."""
+        """The warnings of the analysis, and a hint if the positions are not balanced."""
         analysis = self.analysis
         is_apart = not self.options.settles and not analysis.is_balanced and not analysis.is_good
         return (*analysis.warnings, *([AS_IN_SCENE] if is_apart else []))
@@ -221,7 +221,7 @@ class AnalyseResult(Result):
         return self._write_prestressed(path, overwrite)
 
     def _write_prestressed(self, path: "Path", overwrite: bool) -> bool:
-        """Write the scene with the prestress found; warn and return False where there is none."""
+        """Write the scene with the prestress found; warn and return False if there is none."""
         from tensegrity_codegen.analyses.cases.prestressed_scene import write_prestressed
         from tensegrity_codegen.structure.ground_support import require_no_ground
 

@@ -70,11 +70,13 @@ DEFAULT_RESULTS = ("end_error", "peak_error", "least_tension", "end_tension", "w
 
 @dataclass(frozen=True)
 class SweptControl(CaseAnalysis):
-    """Closed loops under one controller: that of the unchanged scene, while cases change what it controls.
+    """Closed loops of many cases under the controller of the unchanged scene.
+
+    It is no `SceneAnalysis`: the verb `control` designs the controller for the scene of the case itself.
 
     keep: names of RESULTS; by default DEFAULT_RESULTS.
     to, plan, duration, sample_time, effort, least_tension, mpc, horizon, t_end, last, start_error, draws: as
-        of the verb `control`, where `sample_time` is `sample`; several targets of `to` are joined by
+        of the verb `control`, with `sample_time` for `sample`; several targets of `to` are joined by
         semicolons.
     draw_seed: seed of start errors and noise.
     design: of the unchanged scene; `prepared` makes it.
@@ -82,7 +84,6 @@ class SweptControl(CaseAnalysis):
 
     name: ClassVar[str] = "control"
     success_phrase: ClassVar[str] = "ran to their end"
-    has_verb: ClassVar[bool] = False  # the verb would design the controller for the scene of the case
     needs_scene: ClassVar[bool] = True
 
     to: Annotated[str | None, Option("TARGET=VALUE of a plan; several joined by semicolons.")] = None
@@ -104,10 +105,10 @@ class SweptControl(CaseAnalysis):
 
     def describe(self) -> dict[str, Any]:
         """Return name and options, with the hash of the plan's file."""
-        found = super().describe()
+        description = super().describe()
         if self.plan is not None and Path(self.plan).is_file():
-            found["plan_sha256"] = hashlib.sha256(Path(self.plan).read_bytes()).hexdigest()
-        return found
+            description["plan_sha256"] = hashlib.sha256(Path(self.plan).read_bytes()).hexdigest()
+        return description
 
     def prepared(self, scene: str | Path | Mapping[str, Any] | Scene) -> "SweptControl":
         """Return the operation with the controller of the unchanged scene.
@@ -127,32 +128,32 @@ class SweptControl(CaseAnalysis):
         built = FeedbackDesign(model, motion, options, {}).build()
         estimator, tuning = built["estimator"], built["tuning"]
         described, alone = find_model_and_request(model, motion)
-        parts = collect_parts(
+        controller = collect_parts(
             described, motion, gains=built["gains"], estimator=estimator,
             distribution=built["distribution"],
             sample=self.sample_time, limits=None, code=ControllerCode(name=SIMULATED_LOOP_NAME),
         )  # fmt: skip
-        # What disturbs all cases alike, and how long.
+        # The disturbances of all cases, and the simulated time.
         draws = read_draws(Draws(self.draws, self.draw_seed))
         stated = StatedErrors(start_error=self.start_error, stiffness_error=0.0)
         check_errors(model, stated)
         default = find_default_times(motion, *find_time_constants(built["stored_gains"], estimator))[0]
-        end, last = read_times(self.sample_time, default, self.t_end, self.last)
+        end, error_window = read_times(self.sample_time, default, self.t_end, self.last)
         count_samples(end, self.sample_time)
         design = UnchangedLoop(
             model,
             request,
-            parts,
-            write_files(parts, alone, find_precision("double")),
+            controller,
+            write_files(controller, alone, find_precision("double")),
             tuple(draw_errors(model, stated, tuning.scales, self.draw_seed, k) for k in range(draws.number)),
             end,
-            last,
+            error_window,
         )
         return replace(self, design=design)
 
     @property
     def _held_motion(self) -> HeldMotion:
-        targets = tuple(text.strip() for text in (self.to or "").split(";") if text.strip())
+        targets = tuple(target.strip() for target in (self.to or "").split(";") if target.strip())
         if self.to is not None and not targets:
             raise InvalidValueError(
                 "no target",
@@ -173,7 +174,7 @@ class SweptControl(CaseAnalysis):
         )
 
     def needs(self, structure: Subject, request: ModelRequest) -> Needs:
-        """Return what a simulated loop needs; parameters are those that the keys need."""
+        """Return the needs of a simulated loop; parameters are those that the keys need."""
         for name in self.keep:
             check_choice(name, RESULTS, f"result of {self.name}", f"keep {name!r}")
         if len(set(self.keep)) < len(self.keep):
@@ -181,7 +182,7 @@ class SweptControl(CaseAnalysis):
         return replace(find_needs("control", structure, request), parameters={})
 
     def outputs(self, manifest: Manifest) -> tuple[Output, ...]:
-        """Return one number of each case for each thing that is kept."""
+        """Return descriptions of the results, one number of each case."""
         return tuple(Output(name, (), (), *RESULTS[name]) for name in self.keep or DEFAULT_RESULTS)
 
     def compute(
@@ -195,12 +196,14 @@ class SweptControl(CaseAnalysis):
                 allowed="numbers of the scene or of its structure",
             )  # fmt: skip
         plant = SweptPlant(model, self.design)
-        arrays = {item.name: item.full_of_nan(case_arguments.count) for item in self.outputs(model.manifest)}
+        arrays = {
+            output.name: output.full_of_nan(case_arguments.count) for output in self.outputs(model.manifest)
+        }
         for k in np.flatnonzero(outcomes.is_ok).tolist():
-            own = {**case_arguments.shared, **{name: rows[k] for name, rows in case_arguments.rows.items()}}
+            arguments = case_arguments.select_case(k)
             loops = {name: rows[k] for name, rows in case_arguments.loops.items()}
             try:
-                runs = [plant.run(own, loops, draw, self.draw_seed) for draw in range(self.draws)]
+                runs = [plant.run(arguments, loops, draw, self.draw_seed) for draw in range(self.draws)]
             except (InvalidValueError, NonFiniteError) as error:
                 outcomes.mark(k, "bad_input", str(error))
                 continue
@@ -208,12 +211,12 @@ class SweptControl(CaseAnalysis):
             if lost is not None:
                 outcomes.mark(k, lost.status, lost.message)
                 continue
-            rows = [measure_run(model, run, self.design.last) for run in runs]
+            rows = [measure_run(model, run, self.design.error_window) for run in runs]
             worst = max(rows, key=lambda row: row.end_error)
             outcomes.mark(k, "ok", f"{1000 * worst.end_error:.3g} mm at {worst.end_node} at the end")
-            found = _describe(model, rows, worst)
+            results = _describe(model, rows, worst)
             for name, array in arrays.items():
-                array[k] = found[name]
+                array[k] = results[name]
         return arrays
 
 

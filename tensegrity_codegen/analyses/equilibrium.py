@@ -1,4 +1,4 @@
-"""The analysis `equilibrium`: the stable equilibrium of a scene or of many cases, and what is said of it."""
+"""The analysis `equilibrium`: the stable equilibrium of a scene or of many cases, and its report."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,6 +13,7 @@ from tensegrity_codegen.analyses.cases.record import (
     Output,
     Result,
     ResultFile,
+    SceneAnalysis,
 )
 from tensegrity_codegen.system.errors import ConvergenceError
 from tensegrity_codegen.tables.static_methods import Method
@@ -77,7 +78,7 @@ SEARCH_QUANTITIES = (POSITION, "member_tension", "member_length")
 
 
 @dataclass(frozen=True)
-class FindEquilibrium(CaseAnalysis):
+class FindEquilibrium(SceneAnalysis, CaseAnalysis):
     """Find the stable equilibrium of a scene, and report how far the nodes moved.
 
     On the ground weights and loads grow from zero, and friction holds feet from where they first touch.
@@ -92,7 +93,7 @@ class FindEquilibrium(CaseAnalysis):
 
     name: ClassVar[str] = "equilibrium"
     success_phrase: ClassVar[str] = "converged"
-    verb_order: ClassVar[int | None] = 110
+    verb_order: ClassVar[int] = 110
     takes: ClassVar[tuple[str, ...]] = ("load", "input", "strict")
     files: ClassVar[tuple[ResultFile, ...]] = (
         ResultFile("out", (".toml",), "Write the settled structure as a scene file.", may_be_scene=True),
@@ -106,7 +107,7 @@ class FindEquilibrium(CaseAnalysis):
     ] = False
 
     def needs(self, structure: "Subject", request: "ModelRequest") -> "Needs":
-        """Return what the search needs, and the quantities that are kept."""
+        """Return the functions of the search, and the quantities that `keep` requests."""
         from tensegrity_codegen.analyses.cases.kept import find_kept_quantities
         from tensegrity_codegen.pipeline.analyses import find_needs, with_snap_check
         from tensegrity_codegen.runtime.statics.equilibrium import check_search_options
@@ -120,7 +121,7 @@ class FindEquilibrium(CaseAnalysis):
         return replace(needs, quantities=(*needs.quantities, *missing))
 
     def outputs(self, manifest: "Manifest") -> tuple[Output, ...]:
-        """Return one array for each thing that is kept."""
+        """Return descriptions of the stored arrays."""
         bound = _bind_quantities(self._parse_keep(), manifest)
         return tuple(
             bound[kept_text.name].output if kept_text.name in bound else _describe_result(kept_text, manifest)
@@ -133,7 +134,7 @@ class FindEquilibrium(CaseAnalysis):
 
     @property
     def not_checked(self) -> str:
-        """That nobody asked whether cases snapped."""
+        """That snapping is not checked, unless `keep` requests it."""
         return "" if self._keeps_snap else NOT_CHECKED
 
     def _parse_keep(self) -> "tuple[KeptText, ...]":
@@ -155,7 +156,7 @@ class FindEquilibrium(CaseAnalysis):
         if self._keeps_snap:
             snap = _judge_snaps(model, equilibria, case_arguments, outcomes)
         bound = _bind_quantities(self._parse_keep(), model.manifest)
-        names = dict.fromkeys(name for item in bound.values() for name in item.names)
+        names = dict.fromkeys(name for kept_result in bound.values() for name in kept_result.names)
         values = _compute_quantities(model, equilibria, case_arguments, tuple(names), threads)
         return {
             kept_text.name: bound[kept_text.name].evaluate(values, (count,))
@@ -172,17 +173,14 @@ class FindEquilibrium(CaseAnalysis):
 
     def solve(self, case: "SceneCase") -> "EquilibriumResult":
         """Return the equilibrium of a scene, checked for snapping and for errors of cables in segments."""
-        from tensegrity_codegen.pipeline.analyses import find_needs
         from tensegrity_codegen.pipeline.segment_error import add_segment_error
-        from tensegrity_codegen.pipeline.settle import move_back, move_near_origin, with_statics
+        from tensegrity_codegen.pipeline.settle import move_back, move_near_origin
         from tensegrity_codegen.runtime.paths.find_equilibrium import find_equilibrium
         from tensegrity_codegen.system.progress import work_pass
 
         structure, request = case.subject, case.request
-        loads = {"node_load": tuple(range(structure.n_nodes))}
-        statics = replace(with_statics(structure, request), parameters=loads)
-        near, offset = move_near_origin(structure, request)
-        model = case.build(near, find_needs("equilibrium", structure, statics).alone(statics))
+        centred, offset = move_near_origin(structure, request)
+        model = case.build_statics(centred)
         with work_pass("checking for snap-through"):
             equilibrium = find_equilibrium(
                 model,
@@ -200,27 +198,32 @@ class FindEquilibrium(CaseAnalysis):
         if held:
             names = ", ".join(held)
             case.warn(f"a part of the load acts on anchored axes and has no effect: {names}")
-        return EquilibriumResult(
-            case, move_back(equilibrium, structure, offset, case.added_load, case.inputs)
-        )
+        equilibrium = move_back(equilibrium, structure, offset, case.added_load, case.inputs)
+        return EquilibriumResult(equilibrium, case)
 
 
 @dataclass(frozen=True, eq=False)
-class EquilibriumResult(Result):
-    """The equilibrium of a scene."""
+class SearchResult(Result):
+    """An answer that depends on the search for the equilibrium of a scene."""
 
-    case: "SceneCase"
     equilibrium: "Equilibrium"
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences about what may be unexpected."""
+        """The warnings of the search."""
         return self.equilibrium.warnings
 
     @property
     def is_good(self) -> bool:
         """Whether an equilibrium was found."""
         return self.equilibrium.is_found
+
+
+@dataclass(frozen=True, eq=False)
+class EquilibriumResult(SearchResult):
+    """The equilibrium of a scene."""
+
+    case: "SceneCase"
 
     @property
     def is_beyond(self) -> bool:
@@ -290,7 +293,7 @@ class EquilibriumResult(Result):
         ]
 
     def write(self, name: str, path: "Path", *, overwrite: bool) -> bool:
-        """Write the settled structure, at rest, as a scene file, where an equilibrium was found."""
+        """Write the settled structure, at rest, as a scene file, if an equilibrium was found."""
         from tensegrity_codegen.scene.describe import describe_subject
         from tensegrity_codegen.scene.write import write_scene
         from tensegrity_codegen.structure.bodies import BodySystem
@@ -334,8 +337,8 @@ def _join_motions(names: Sequence[str]) -> str:
     for kind in ("slide along ", "turn about "):
         axes = [name.removeprefix(kind) for name in names if name.startswith(kind)]
         texts += [kind + ", ".join(axes)] if axes else []
-    others = names.count("mechanism")
-    texts += [f"move in {others} mechanism{'s' * (others > 1)}"] if others else []
+    n_mechanisms = names.count("mechanism")
+    texts += [f"move in {n_mechanisms} mechanism{'s' * (n_mechanisms > 1)}"] if n_mechanisms else []
     return "; ".join(texts)
 
 
@@ -350,19 +353,23 @@ def _judge_snaps(
 
     from tensegrity_codegen.runtime.paths.find_equilibrium import judge_snap
 
-    found = {name: np.full(case_arguments.count, np.nan) for name in SNAP_RESULTS}
+    results = {name: np.full(case_arguments.count, np.nan) for name in SNAP_RESULTS}
     for k in np.flatnonzero(equilibria.is_found).tolist():
-        own = {**case_arguments.shared, **{name: array[k] for name, array in case_arguments.rows.items()}}
-        own.pop("velocity", None)
-        start = own.pop(COORDINATE, None)
-        settled = own if equilibria.internal is None else own | {"internal": equilibria.internal[k]}
-        alone = _record_found(model, equilibria.coordinate[k], settled, equilibria.status[k])
-        snap = judge_snap(model, alone, coordinate=start, arguments=own, base=own.get("node_load"))
+        arguments = case_arguments.select_case(k)
+        arguments.pop("velocity", None)
+        start = arguments.pop(COORDINATE, None)
+        search_arguments = (
+            arguments if equilibria.internal is None else arguments | {"internal": equilibria.internal[k]}
+        )
+        single = _record_found(model, equilibria.coordinate[k], search_arguments, equilibria.status[k])
+        snap = judge_snap(
+            model, single, coordinate=start, arguments=arguments, base=arguments.get("node_load")
+        )
         outcomes.messages[k] = "; ".join(filter(None, [outcomes.messages[k], *snap.describe()]))
-        for name, array in found.items():
+        for name, array in results.items():
             value = getattr(snap, name)
             array[k] = np.nan if value is None else value
-    return found
+    return results
 
 
 def _record_found(
@@ -377,12 +384,12 @@ def _record_found(
     start = problem.to_search_coordinate(coordinate)
     problem.watch_stiff_members(start)
     point = problem.find_point(start)
-    assert point is not None  # as it was found
+    assert point is not None  # it was found before
     return record_outcome(problem, point, Outcome(status, point, 0), "")
 
 
 def _without_own_results(kept_texts: "tuple[KeptText, ...]") -> "tuple[KeptText, ...]":
-    """Return what is kept besides RESULTS and coordinates: expressions over quantities."""
+    """Return the texts without RESULTS and coordinates: expressions over quantities."""
     return tuple(kept_text for kept_text in kept_texts if kept_text.expression not in (*RESULTS, COORDINATE))
 
 
@@ -390,7 +397,10 @@ def _bind_quantities(kept_texts: "tuple[KeptText, ...]", manifest: "Manifest") -
     """Return the kept expressions over quantities, bound to a library, by the names of their arrays."""
     from tensegrity_codegen.analyses.cases.kept import bind_kept
 
-    return {kept.text.name: kept for kept in bind_kept(_without_own_results(kept_texts), manifest)}
+    return {
+        kept_result.kept_text.name: kept_result
+        for kept_result in bind_kept(_without_own_results(kept_texts), manifest)
+    }
 
 
 def _describe_result(kept_text: "KeptText", manifest: "Manifest") -> Output:

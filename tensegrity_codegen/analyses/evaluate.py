@@ -25,7 +25,6 @@ class Evaluate(CaseAnalysis):
 
     name: ClassVar[str] = "evaluate"
     success_phrase: ClassVar[str] = "were evaluated"
-    has_verb: ClassVar[bool] = False
 
     def needs(self, structure: "Subject", request: "ModelRequest") -> "Needs":
         """Return the quantities, with batch functions."""
@@ -44,8 +43,8 @@ class Evaluate(CaseAnalysis):
         return Needs(quantities if self.keep else request.quantities, batch_width=BATCH_WIDTH)
 
     def outputs(self, manifest: "Manifest") -> tuple[Output, ...]:
-        """Return one array for each thing that is kept."""
-        return tuple(item.output for item in self._bind(manifest))
+        """Return descriptions of the stored arrays."""
+        return tuple(kept_result.output for kept_result in self._bind(manifest))
 
     def _bind(self, manifest: "Manifest") -> "tuple[Kept, ...]":
         from tensegrity_codegen.analyses.cases.keep_text import parse_kept
@@ -57,25 +56,25 @@ class Evaluate(CaseAnalysis):
     def compute(
         self, model: "CompiledModel", case_arguments: "CaseArguments", outcomes: "Outcomes", threads: int
     ) -> "Mapping[str, NDArray[Any]]":
-        """Compute what is kept; a case where it is not finite has the status "non_finite_result"."""
+        """Compute the results; a case with one that is not finite has the status "non_finite_result"."""
         import numpy as np
 
         from tensegrity_codegen.analyses.cases.quantities import compute_values
 
-        kept, count = self._bind(model.manifest), case_arguments.count
-        names = dict.fromkeys(name for item in kept for name in item.names)
-        found = compute_values(model, names, case_arguments, threads)
-        values = {name: value for name, (value, _) in found.items()}
+        kept_results, count = self._bind(model.manifest), case_arguments.count
+        names = dict.fromkeys(name for kept_result in kept_results for name in kept_result.names)
+        computed = compute_values(model, names, case_arguments, threads)
+        values = {name: value for name, (value, _) in computed.items()}
         arrays: dict[str, NDArray[Any]] = {}
-        for item in kept:
-            array = item.evaluate(values, (count,))
-            is_good = np.logical_and.reduce([found[name][1] for name in item.names])
-            if item.part is not None:
+        for kept_result in kept_results:
+            array = kept_result.evaluate(values, (count,))
+            is_good = np.logical_and.reduce([computed[name][1] for name in kept_result.names])
+            if kept_result.formula is not None:
                 array = np.array(array, dtype=model.dtype)
                 is_good = is_good & np.isfinite(array.reshape(count, -1)).all(axis=1)
             for k in np.flatnonzero(~is_good & outcomes.is_ok).tolist():
-                outcomes.mark(k, "non_finite_result", f"{item.text.text} is not finite")
-            arrays[item.output.name] = array
+                outcomes.mark(k, "non_finite_result", f"{kept_result.kept_text.text} is not finite")
+            arrays[kept_result.output.name] = array
         return arrays
 
 

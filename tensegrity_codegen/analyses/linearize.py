@@ -44,7 +44,7 @@ class Linearize(AtPoint):
 
     name: ClassVar[str] = "linearize"
     success_phrase: ClassVar[str] = "were linearized"
-    verb_order: ClassVar[int | None] = 220
+    verb_order: ClassVar[int] = 220
     takes: ClassVar[tuple[str, ...]] = ("input",)
     files: ClassVar[tuple[ResultFile, ...]] = (
         ResultFile("out", (".npz", ".mat", ".csv"), "Write A, B, vectors and names (.npz, .mat or .csv)."),
@@ -54,9 +54,11 @@ class Linearize(AtPoint):
     default_results: ClassVar[tuple[str, ...]] = DEFAULT_RESULTS
 
     def outputs(self, manifest: "Manifest") -> tuple[Output, ...]:
-        """Return one array for each thing that is kept; without inputs B only where it is named."""
+        """Return descriptions of the stored arrays; without inputs B only if `keep` names it."""
         outputs = super().outputs(manifest)
-        return tuple(item for item in outputs if manifest.input_name or item.name != "B" or "B" in self.keep)
+        return tuple(
+            output for output in outputs if manifest.input_name or output.name != "B" or "B" in self.keep
+        )
 
     def compute_case(
         self,
@@ -65,7 +67,7 @@ class Linearize(AtPoint):
         arguments: Mapping[str, Any],
         names: Collection[str],
     ) -> Mapping[str, Any]:
-        """Return what is kept of the linear model of one case."""
+        """Return the results `names` of one case."""
         from tensegrity_codegen.runtime.linear.linearize import linearize
 
         coordinate, velocity = point
@@ -115,7 +117,7 @@ class LinearResult(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences about what may be unexpected."""
+        """The warnings of the linear model."""
         return tuple(self.linear.warnings)
 
     def write(self, name: str, path: "Path", *, overwrite: bool) -> bool:
@@ -128,7 +130,7 @@ class LinearResult(Result):
         return {"status": "ok", **self.linear.as_evidence()}
 
     def describe(self) -> list[Any]:
-        """Return what the linear model says: modes, spectrum, what is left of the forces."""
+        """Return modes, spectrum and the largest state derivative at the point."""
         from tensegrity_codegen.report.result_tables import modes_table, say_finding, say_spectrum
 
         linear, facts = self.linear, self.linear.as_evidence()

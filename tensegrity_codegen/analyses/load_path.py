@@ -1,4 +1,4 @@
-"""The analysis `load-path`: equilibria under a growing load, and what happens on the way."""
+"""The analysis `load-path`: equilibria under a growing load, and the events along it."""
 
 import math
 from collections.abc import Mapping
@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from tensegrity_codegen.analyses.cases.load_ramp import RampKind, build_ramp
-from tensegrity_codegen.analyses.cases.record import AnalysisRecord, Option, Result, ResultFile
+from tensegrity_codegen.analyses.cases.record import Option, Result, ResultFile, SceneAnalysis
 from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ DIGITS_ON_GROUND = 6  # of load factors, which are located to 1e-7 of the larges
 
 
 @dataclass(frozen=True)
-class FollowLoadPath(AnalysisRecord):
+class FollowLoadPath(SceneAnalysis):
     """Follow the equilibrium under increasing loads, through limit points, and locate events.
 
     Loads of --load act at load factor 1. A path that turns back continues through zero load to the far
@@ -54,7 +54,7 @@ class FollowLoadPath(AnalysisRecord):
     """
 
     name: ClassVar[str] = "load-path"
-    verb_order: ClassVar[int | None] = 130
+    verb_order: ClassVar[int] = 130
     takes: ClassVar[tuple[str, ...]] = ("load", "input")
     files: ClassVar[tuple[ResultFile, ...]] = (
         ResultFile("out", (".csv", ".json"), "Write the path as a table (.csv or .json)."),
@@ -141,7 +141,7 @@ class LoadPathResult(Result):
         return tuple(event for event in self.path.events if event.kind in self.kinds)
 
     def write(self, name: str, path: "Path", *, overwrite: bool) -> bool:
-        """Write the table where the path has points."""
+        """Write the table if the path has points."""
         from tensegrity_codegen.report.result_tables import write_path
 
         if len(self.path.load_factor):
@@ -168,17 +168,17 @@ class LoadPathResult(Result):
         digits = DIGITS_ON_GROUND if self.model.model.manifest.contact_name else 10
         flaws = _find_flaws(self.case.subject, self.columns).describe()
         finding = "; but ".join([f"{path.status}: {path.message}", *flaws])
-        sentences = [text for text in (finding, _advise(path), _summary(path, digits)) if text]
+        sentences = [sentence for sentence in (finding, _advise(path), _summary(path, digits)) if sentence]
         events = self.events
         return [*sentences, events_table(events, self.case.whole, digits) if events else "no event"]
 
 
 def _parse_events(text: str) -> tuple[str, ...]:
     """Return the kinds of events that a list of words stands for; raises UnknownNameError."""
-    words = [word.strip() for word in text.split(",")]
-    for word in words:
-        check_choice(word, EVENTS, "event", "--events")
-    return tuple(kind for word in words for kind in EVENTS[word])
+    names = [name.strip() for name in text.split(",")]
+    for name in names:
+        check_choice(name, EVENTS, "event", "--events")
+    return tuple(kind for name in names for kind in EVENTS[name])
 
 
 def _check_options(most: float, floor: float | None, step: float) -> None:
@@ -262,11 +262,11 @@ def _follow(
 
     if path.model.manifest.contact_name:
         return follow_ground_path(path, most=most, largest_step=step)
-    given = {name: value for name, value in path.arguments.items() if name != "velocity"}
-    begun = find_equilibrium(path.model, arguments={**given, **path.loads(0.0)})
-    for text in begun.warnings:
-        warn(f"before loading: {text}")
-    start = begun.coordinate
+    arguments = {name: value for name, value in path.arguments.items() if name != "velocity"}
+    equilibrium = find_equilibrium(path.model, arguments={**arguments, **path.loads(0.0)})
+    for warning in equilibrium.warnings:
+        warn(f"before loading: {warning}")
+    start = equilibrium.coordinate
     control = StepControl(largest=step, most_steps=max(1000, round(100 / step)))
 
     def follow(begin: "NDArray[np.float64]", least: float) -> "LoadPath":
@@ -282,16 +282,18 @@ def _follow(
             progress=lambda points, factor: show(min(max(factor / most, 0.0), 1.0)),
         )
 
-    found = follow(start, 0.0)
-    if found.status != "no_start" and not (found.status == "stalled" and len(found.load_factor) == 1):
-        return found
+    followed = follow(start, 0.0)
+    if followed.status != "no_start" and not (
+        followed.status == "stalled" and len(followed.load_factor) == 1
+    ):
+        return followed
     # Without stiffness at zero load, as of a line that sags, the path begins at a small part of it.
     pushed = find_pushed_start(path, start, most)
-    return found if pushed is None else follow(*pushed)
+    return followed if pushed is None else follow(*pushed)
 
 
 def _advise(path: "LoadPath") -> str | None:
-    """Return how to go on where the contact of bars has ended the path, None where nothing is to be said."""
+    """Return a hint if the contact of bars has ended the path, else None."""
     if path.status != "stopped" or not path.find_events("contact"):
         return None
     touching = path.find_events("contact")[-1].names
@@ -306,9 +308,9 @@ def _advise(path: "LoadPath") -> str | None:
 def _summary(path: "LoadPath", digits: int) -> str:
     if not len(path.load_factor):
         return "no point of the path was found"
-    largest, last = (f"{load:.{digits}g}" for load in (path.load_factor.max(), path.load_factor[-1]))
+    largest, end = (f"{load:.{digits}g}" for load in (path.load_factor.max(), path.load_factor[-1]))
     return (
-        f"{len(path.load_factor)} points; largest load factor {largest}, at the end {last}; "
+        f"{len(path.load_factor)} points; largest load factor {largest}, at the end {end}; "
         f"smallest eigenvalue at the end {path.smallest_eigenvalue[-1]:.6g}; "
         f"largest residual {path.residual.max():.3g} N"
     )

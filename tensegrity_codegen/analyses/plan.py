@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from tensegrity_codegen.analyses.cases.record import AnalysisRecord, Option, Result, ResultFile
+from tensegrity_codegen.analyses.cases.record import Option, Result, ResultFile, SceneAnalysis
 
 if TYPE_CHECKING:
     from tensegrity_codegen.analyses.cases.scene_case import SceneCase
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Plan(AnalysisRecord):
+class Plan(SceneAnalysis):
     """Plan rest lengths that move a structure to a target, through stable equilibria within its limits.
 
     The plan is found, proved infeasible, or blocked by limits that are named; a blocked path proves nothing
@@ -26,7 +26,7 @@ class Plan(AnalysisRecord):
     """
 
     name: ClassVar[str] = "plan"
-    verb_order: ClassVar[int | None] = 310
+    verb_order: ClassVar[int] = 310
     takes: ClassVar[tuple[str, ...]] = ("input",)
     files: ClassVar[tuple[ResultFile, ...]] = (
         ResultFile(
@@ -65,8 +65,8 @@ class Plan(AnalysisRecord):
             "default: the actuators of the scene."
         ),
     ] = ()
-    steps: Annotated[int, Option("number of steps where nothing limits them.", least=1)] = 20
-    max_steps: Annotated[int, Option("largest number of steps and attempts.", least=1)] = 200
+    steps: Annotated[int, Option("number of steps where nothing limits them.", minimum=1)] = 20
+    max_steps: Annotated[int, Option("largest number of steps and attempts.", minimum=1)] = 200
     least_progress: Annotated[
         float,
         Option(
@@ -79,10 +79,10 @@ class Plan(AnalysisRecord):
         Option(
             "largest number of other paths where limits block the first: two begin with other changes, more "
             "go over shapes that random walks lead to.",
-            least=0,
+            minimum=0,
         ),
     ] = 2
-    seed: Annotated[int, Option("of the random changes and walks.", least=0)] = 0
+    seed: Annotated[int, Option("of the random changes and walks.", minimum=0)] = 0
     duration: Annotated[
         float | None, Option("time of the plan [s]; default: the shortest that the rates permit.")
     ] = None
@@ -94,7 +94,7 @@ class Plan(AnalysisRecord):
         return add_actuators(structure, self.actuate)
 
     def solve(self, case: "SceneCase") -> "PlanAnswer":
-        """Return the plan, and its motion over time where that is asked for."""
+        """Return the plan, and its motion over time if the file `motion` is requested."""
         from tensegrity_codegen.analyses.plans.planned import plan_to_targets, request_actuated
         from tensegrity_codegen.pipeline.analyses import find_needs
         from tensegrity_codegen.pipeline.build_library import MANY_CALLS
@@ -136,7 +136,7 @@ class Plan(AnalysisRecord):
 
 @dataclass(frozen=True, eq=False)
 class PlanAnswer(Result):
-    """A plan, whether it is found or not, and its motion over time where that is asked for."""
+    """A plan, whether it is found or not, and its motion over time if that is requested."""
 
     case: "SceneCase"
     plan: "PlanResult"
@@ -188,7 +188,7 @@ class PlanAnswer(Result):
         return {**describe_plan(self.plan), "motion": motion}
 
     def describe(self) -> list[Any]:
-        """Return targets, rest lengths, what limits the plan, and times."""
+        """Return targets, rest lengths, the limits that bind, and times."""
         from tensegrity_codegen.control.pages.plans import (
             actuators_table,
             binding_table,

@@ -1,16 +1,11 @@
-"""The analysis `reactions`: what the supports carry in the equilibrium of a scene or of many cases."""
+"""The analysis `reactions`: forces of the supports in the equilibrium of a scene or of many cases."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from tensegrity_codegen.analyses.cases.record import (
-    CaseAnalysis,
-    Option,
-    Output,
-    Result,
-    ResultFile,
-)
+from tensegrity_codegen.analyses.cases.record import CaseAnalysis, Option, Output, ResultFile, SceneAnalysis
+from tensegrity_codegen.analyses.equilibrium import SearchResult
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.static_methods import Method
 
@@ -24,7 +19,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.analyses.cases.scene_case import SceneCase
     from tensegrity_codegen.pipeline.analyses import Needs
     from tensegrity_codegen.runtime.model.model import CompiledModel
-    from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.structure.structure import Structure
     from tensegrity_codegen.tables.manifest import Manifest
@@ -38,7 +32,7 @@ AXES = ("x", "y", "z")
 
 
 @dataclass(frozen=True)
-class FindReactions(CaseAnalysis):
+class FindReactions(SceneAnalysis, CaseAnalysis):
     """Find the forces of the supports on a structure in its stable equilibrium, and their sum.
 
     A support acts along the anchored axes of its node. The sum balances weights, loads and forces of inputs.
@@ -50,7 +44,7 @@ class FindReactions(CaseAnalysis):
 
     name: ClassVar[str] = "reactions"
     success_phrase: ClassVar[str] = "converged"
-    verb_order: ClassVar[int | None] = 117
+    verb_order: ClassVar[int] = 117
     takes: ClassVar[tuple[str, ...]] = ("load", "input")
     files: ClassVar[tuple[ResultFile, ...]] = (
         ResultFile("out", (".csv",), "Write node, x, y, z [N] of each support as a table (.csv)."),
@@ -61,11 +55,11 @@ class FindReactions(CaseAnalysis):
 
     @property
     def analyses(self) -> tuple[str, ...]:
-        """Names of the analyses that are done, as of `compile_scene`."""
+        """Names of the functions that the library must serve, as in `compile_scene(for_=...)`."""
         return ("equilibria",)
 
     def needs(self, structure: "Subject", request: "ModelRequest") -> "Needs":
-        """Return what the search for equilibria needs."""
+        """Return the functions of the search for equilibria."""
         from tensegrity_codegen.pipeline.analyses import find_needs
 
         self._list_kept()
@@ -101,22 +95,17 @@ class FindReactions(CaseAnalysis):
         outcomes.mark_ok(equilibria.status, equilibria.message)
         reaction = np.full((case_arguments.count, len(model.manifest.node_name), 3), np.nan)
         for k in np.flatnonzero(equilibria.is_found).tolist():
-            own = {**case_arguments.shared, **{name: rows[k] for name, rows in case_arguments.rows.items()}}
-            place, tension = equilibria.node_position[k], equilibria.member_tension[k]
-            reaction[k] = compute_node_reactions(model, place, tension, own)
+            position, tension = equilibria.node_position[k], equilibria.member_tension[k]
+            reaction[k] = compute_node_reactions(model, position, tension, case_arguments.select_case(k))
         arrays = {"reaction": reaction, "total": reaction.sum(axis=1)}
         return {name: arrays[name] for name in self._list_kept()}
 
     def solve(self, case: "SceneCase") -> "ReactionsResult":
         """Return the reactions of a scene."""
-        from tensegrity_codegen.pipeline.analyses import find_needs
-        from tensegrity_codegen.pipeline.settle import with_statics
         from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 
         structure = _require_supports(case.subject)
-        loads = {"node_load": tuple(range(structure.n_nodes))}
-        statics = replace(with_statics(structure, case.request), parameters=loads)
-        model = case.build(structure, find_needs("equilibrium", structure, statics).alone(statics))
+        model = case.build_statics(structure)
         equilibrium = find_equilibrium(
             model,
             arguments=case.arguments,
@@ -124,34 +113,22 @@ class FindReactions(CaseAnalysis):
             method=self.method,
             raise_on_failure=False,
         )
-        place, tension = equilibrium.node_position, equilibrium.member_tension
+        position, tension = equilibrium.node_position, equilibrium.member_tension
         arguments = {**case.inputs, "node_load": case.node_load}
-        return ReactionsResult(
-            structure, equilibrium, compute_node_reactions(model, place, tension, arguments)
-        )
+        reaction = compute_node_reactions(model, position, tension, arguments)
+        return ReactionsResult(equilibrium, structure, reaction)
 
 
 @dataclass(frozen=True, eq=False)
-class ReactionsResult(Result):
+class ReactionsResult(SearchResult):
     """Reactions (n_nodes, 3) [N] of a scene in its equilibrium."""
 
     structure: "Structure"
-    equilibrium: "Equilibrium"
     reaction: "NDArray[np.float64]"
 
     @property
-    def warnings(self) -> tuple[str, ...]:
-        """Sentences about what may be unexpected in the equilibrium."""
-        return self.equilibrium.warnings
-
-    @property
-    def is_good(self) -> bool:
-        """Whether an equilibrium was found."""
-        return self.equilibrium.is_found
-
-    @property
     def supports(self) -> "dict[str, NDArray[np.float64]]":
-        """Forces (3,) [N] of the supports by node; none where no equilibrium was found."""
+        """Forces (3,) [N] of the supports by node; none if no equilibrium was found."""
         nodes = set(self.structure.node_anchored.nonzero()[0].tolist()) if self.is_good else set()
         return {self.structure.node_name[node]: self.reaction[node] for node in sorted(nodes)}
 
@@ -179,7 +156,7 @@ class ReactionsResult(Result):
         return [f"{self.equilibrium.status}: supports carry {total} N along x, y, z together", table]
 
     def write(self, name: str, path: "Path", *, overwrite: bool) -> bool:
-        """Write the table of the supports, where an equilibrium was found."""
+        """Write the table of the supports, if an equilibrium was found."""
         from tensegrity_codegen.system.files import write_text
 
         rows = [f"{node},{','.join(map(repr, force.tolist()))}" for node, force in self.supports.items()]
@@ -196,7 +173,7 @@ def compute_node_reactions(
 ) -> "NDArray[np.float64]":
     """Return the forces (n_nodes, 3) [N] of supports on nodes at rest, 0 along free axes.
 
-    position (n_nodes, 3) [m]; tension (n_members,) [N]; arguments: loads, masses, gravity and inputs, where
+    position (n_nodes, 3) [m]; tension (n_members,) [N]; arguments: loads, masses, gravity and inputs, if
     they differ from the scene.
     """
     import numpy as np
@@ -208,11 +185,11 @@ def compute_node_reactions(
     structure, manifest = _require_supports(model.structure), model.manifest
     axes, values = list(manifest.axes), merge_inputs(manifest, arguments)
     changed = {name: np.array(getattr(structure, name)) for name in ("node_load", "node_mass", "gravity")}
-    for item in manifest.arguments:
-        if item.name in changed and item.name in values:
-            nodes = [manifest.node_name.index(name) for name in item.over]
-            place = np.ix_(nodes, axes) if item.name == "node_load" else nodes or axes
-            changed[item.name][place] = values[item.name]
+    for argument in manifest.arguments:
+        if argument.name in changed and argument.name in values:
+            nodes = [manifest.node_name.index(name) for name in argument.over]
+            index = np.ix_(nodes, axes) if argument.name == "node_load" else nodes or axes
+            changed[argument.name][index] = values[argument.name]
     pushed = dict(zip(manifest.input_name, np.ravel(values.get(INPUT, ())), strict=False))
     moved = structure.with_changes(gravity=changed["gravity"], node_mass=changed["node_mass"])
     load = changed["node_load"] + find_input_force(structure, pushed)

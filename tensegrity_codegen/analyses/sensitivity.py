@@ -1,10 +1,10 @@
-"""The analysis `sensitivity`: which rest length moves which node, and which tension."""
+"""The analysis `sensitivity`: derivatives of node positions and tensions by rest lengths."""
 
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from tensegrity_codegen.analyses.cases.record import AnalysisRecord, Option, Result, ResultFile
+from tensegrity_codegen.analyses.cases.record import Option, Result, ResultFile, SceneAnalysis
 from tensegrity_codegen.system.errors import check_choice
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ EQUILIBRIUM_TOLERANCE = 1e-10
 
 
 @dataclass(frozen=True)
-class FindSensitivity(AnalysisRecord):
+class FindSensitivity(SceneAnalysis):
     """Find the equilibrium, and differentiate positions and tensions by the rest lengths.
 
     Longer rest lengths are positive; pulling a cable in changes the signs. Of a structure that can slide or
@@ -27,7 +27,7 @@ class FindSensitivity(AnalysisRecord):
     """
 
     name: ClassVar[str] = "sensitivity"
-    verb_order: ClassVar[int | None] = 140
+    verb_order: ClassVar[int] = 140
     takes: ClassVar[tuple[str, ...]] = ("load", "input")
     files: ClassVar[tuple[ResultFile, ...]] = (
         ResultFile("out", (".npz",), "Write the derivatives of positions and tensions (.npz)."),
@@ -41,10 +41,10 @@ class FindSensitivity(AnalysisRecord):
         tuple[str, ...],
         Option(
             "member, input or actuator whose rest lengths change; may be repeated; default: all members.",
-            word="by",
+            argument_name="by",
         ),
     ] = ()
-    most: Annotated[int, Option("entries of each list.", least=1)] = 5
+    most: Annotated[int, Option("entries of each list.", minimum=1)] = 5
 
     def solve(self, case: "SceneCase") -> "SensitivityResult":
         """Return the derivatives at the equilibrium under the loads and inputs of the case."""
@@ -62,8 +62,8 @@ class FindSensitivity(AnalysisRecord):
         statics = with_statics(subject, request)
         loads = {"node_load": tuple(range(subject.n_nodes))} if "node_load" in arguments else {}
         quantities = find_needs("sensitivity", subject, statics).quantities
-        near, _ = move_near_origin(subject, request)
-        model = case.build(near, statics.wanting(*quantities, parameters=loads))
+        centred, _ = move_near_origin(subject, request)
+        model = case.build(centred, statics.wanting(*quantities, parameters=loads))
         start = find_equilibrium(model, arguments=arguments, tolerance=EQUILIBRIUM_TOLERANCE)
         case.warn(*start.warnings)
         with work_pass("differentiating"):
@@ -80,7 +80,7 @@ class SensitivityResult(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences about what may be unexpected."""
+        """A warning of members at their rest length."""
         names = self.derivatives.one_sided
         if not names:
             return ()
@@ -93,7 +93,7 @@ class SensitivityResult(Result):
         return True
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what each column does most, and the lists that were asked for."""
+        """Return the largest effect of each column, and the requested lists."""
         from tensegrity_codegen.report.result_tables import list_columns
 
         return {
@@ -108,16 +108,16 @@ class SensitivityResult(Result):
 
     @property
     def _by_node(self) -> dict[str, dict[str, Any]]:
-        most, rank = self.options.most, self.derivatives.rank_for_node
-        return {name: {axis: rank(name, axis, most) for axis in "xyz"} for name in self.options.node}
+        count, rank = self.options.most, self.derivatives.rank_for_node
+        return {name: {axis: rank(name, axis, count) for axis in "xyz"} for name in self.options.node}
 
     @property
     def _by_member(self) -> dict[str, Any]:
-        most = self.options.most
-        return {name: self.derivatives.rank_for_tension(name, most) for name in self.options.member}
+        count = self.options.most
+        return {name: self.derivatives.rank_for_tension(name, count) for name in self.options.member}
 
     def describe(self) -> list[Any]:
-        """Return the largest derivatives, the lists that were asked for, and which motions are free."""
+        """Return the largest derivatives, the requested lists, and the free motions."""
         from tensegrity_codegen.report.result_tables import columns_table, list_columns, ranks_table
 
         derivatives, columns = self.derivatives, list_columns(self.derivatives)
@@ -142,7 +142,7 @@ def describe_largest(columns: dict[str, dict[str, Any]]) -> str:
         return "no rest length can change"
     moving = max(columns, key=lambda name: math.hypot(*columns[name]["motion"]))
     facts = columns[moving]
-    text = f"{moving} moves {facts['node']} most, by {math.hypot(*facts['motion']):.3g} mm for each mm"
+    sentence = f"{moving} moves {facts['node']} most, by {math.hypot(*facts['motion']):.3g} mm for each mm"
     changes = [
         (abs(change["derivative"]), name, change["member"])
         for name, facts in columns.items()
@@ -150,20 +150,28 @@ def describe_largest(columns: dict[str, dict[str, Any]]) -> str:
         if change is not None
     ]
     if not changes:
-        return text
-    most, name, member = max(changes)
-    return f"{text}; {name} changes the tension of {member} most, by {most / 1e3:.3g} N for each mm"
+        return sentence
+    largest, name, member = max(changes)
+    return f"{sentence}; {name} changes the tension of {member} most, by {largest / 1e3:.3g} N for each mm"
 
 
-def write_sensitivity(found: "Sensitivity", path: "Path", overwrite: bool) -> None:
+def write_sensitivity(sensitivity: "Sensitivity", path: "Path", overwrite: bool) -> None:
     """Write a sensitivity to an .npz file: `coordinate`, `tension`, `node`, their names, and the gauge."""
     import numpy as np
 
     from tensegrity_codegen.runtime.model.arrays import write_arrays
 
-    arrays = {name: getattr(found, name) for name in ("coordinate", "tension", "node", "gauge_motion")}
-    words = ("coordinate_name", "node_name", "member_name", "column_name", "gauge", "slack", "one_sided")
-    arrays |= {name: np.array(getattr(found, name), dtype=str) for name in words}
+    arrays = {name: getattr(sensitivity, name) for name in ("coordinate", "tension", "node", "gauge_motion")}
+    name_arrays = (
+        "coordinate_name",
+        "node_name",
+        "member_name",
+        "column_name",
+        "gauge",
+        "slack",
+        "one_sided",
+    )
+    arrays |= {name: np.array(getattr(sensitivity, name), dtype=str) for name in name_arrays}
     write_arrays(path, arrays, overwrite=overwrite)
 
 

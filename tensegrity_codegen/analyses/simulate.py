@@ -54,7 +54,7 @@ class Simulate(MotionAnalysis):
 
     name: ClassVar[str] = "simulate"
     success_phrase: ClassVar[str] = "ran to their end"
-    verb_order: ClassVar[int | None] = 210
+    verb_order: ClassVar[int] = 210
     takes: ClassVar[tuple[str, ...]] = ("input", "flags", "strict")
     files: ClassVar[tuple[ResultFile, ...]] = (
         ResultFile(
@@ -97,7 +97,7 @@ class Simulate(MotionAnalysis):
         return solve_motion(self, case) if self.batch is None else solve_starts(self, case, self.batch)
 
     def needs(self, structure: "Subject", request: "ModelRequest") -> "Needs":
-        """Return what a batch of motions needs, and the quantities that are kept."""
+        """Return the functions of a batch of motions, and the quantities that `keep` requests."""
         from tensegrity_codegen.analyses.cases.kept import find_kept_quantities
         from tensegrity_codegen.analyses.motions.case_motions import VELOCITY, list_texts, select_sampled
         from tensegrity_codegen.pipeline.analyses import find_needs
@@ -105,13 +105,13 @@ class Simulate(MotionAnalysis):
 
         check_options(self.run_options, self.t_end, self.samples)
         needs = find_needs("simulate_batch", structure, request, method=self.method, rtol=self.rtol)
-        kept = find_kept_quantities(select_sampled(list_texts(self.keep)), request)
+        kept_quantities = find_kept_quantities(select_sampled(list_texts(self.keep)), request)
         placed = () if needs.quantities.count(VELOCITY) else (VELOCITY,)  # placed by coordinates
-        added = tuple(name for name in kept if name not in (*needs.quantities, *placed))
+        added = tuple(name for name in kept_quantities if name not in (*needs.quantities, *placed))
         return replace(needs, quantities=(*needs.quantities, *added))
 
     def outputs(self, manifest: "Manifest") -> tuple[Output, ...]:
-        """Return one array for each thing that is kept."""
+        """Return descriptions of the stored arrays."""
         from tensegrity_codegen.analyses.motions.case_motions import list_outputs
 
         return list_outputs(self, manifest)

@@ -1,9 +1,9 @@
-"""The analysis `stand`: whether the ground can hold a structure, and what tips it."""
+"""The analysis `stand`: whether the ground can hold a structure, and the cables that tip it."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from tensegrity_codegen.analyses.cases.record import AnalysisRecord, Option, Result
+from tensegrity_codegen.analyses.cases.record import Option, Result, SceneAnalysis
 from tensegrity_codegen.system.errors import check_choice
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ DISTRIBUTIONS = {
 
 
 @dataclass(frozen=True)
-class JudgeStand(AnalysisRecord):
+class JudgeStand(SceneAnalysis):
     """Say whether a structure stands on the ground: forces of its feet, tipping margin, friction needed.
 
     The scene has a table [ground]. The structure counts as rigid in its equilibrium. Where no forces of the
@@ -34,7 +34,7 @@ class JudgeStand(AnalysisRecord):
     """
 
     name: ClassVar[str] = "stand"
-    verb_order: ClassVar[int | None] = 115
+    verb_order: ClassVar[int] = 115
     takes: ClassVar[tuple[str, ...]] = ("load", "input")
 
     as_drawn: Annotated[bool, Option("judge the positions in the scene instead of the equilibrium.")] = False
@@ -49,11 +49,11 @@ class JudgeStand(AnalysisRecord):
 
     @property
     def settles(self) -> bool:
-        """Whether the equilibrium is looked for first."""
+        """Whether the analysis begins with the search for the equilibrium."""
         return not self.as_drawn
 
     def solve(self, case: "SceneCase") -> "StandResult":
-        """Return whether a scene stands, in its equilibrium or as drawn, and what tips it."""
+        """Return whether a scene stands, in its equilibrium or as drawn, and the cables that tip it."""
         import numpy as np
 
         from tensegrity_codegen.pipeline.analyses import find_needs
@@ -94,15 +94,17 @@ class JudgeStand(AnalysisRecord):
 
     def _list_cables(self, structure: "Structure") -> tuple[str, ...]:
         """Return the cables that are shortened; raises UnknownNameError for a name that is none."""
-        known = [name for name, bar in zip(structure.member_name, structure.is_bar, strict=True) if not bar]
+        cable_names = [
+            name for name, bar in zip(structure.member_name, structure.is_bar, strict=True) if not bar
+        ]
         for name in self.tip:
-            check_choice(name, (*known, TIP_ALL), "cable", "--tip")
-        return tuple(known) if TIP_ALL in self.tip else self.tip
+            check_choice(name, (*cable_names, TIP_ALL), "cable", "--tip")
+        return tuple(cable_names) if TIP_ALL in self.tip else self.tip
 
 
 @dataclass(frozen=True, eq=False)
 class StandResult(Result):
-    """Whether a scene stands: its equilibrium unless it was judged as drawn, the verdict, what tips it."""
+    """Whether a scene stands: its equilibrium (None: judged as drawn), the verdict, cables that tip it."""
 
     structure: "Structure"
     equilibrium: "Equilibrium | None"
@@ -120,7 +122,7 @@ class StandResult(Result):
         return self.verdict.is_standing and not self.is_lost
 
     def as_dict(self) -> dict[str, Any]:
-        """Return verdict, equilibrium and tips; the status is "ok" where the structure stands."""
+        """Return verdict, equilibrium and tips; the status is "ok" if the structure stands."""
         equilibrium, verdict = self.equilibrium, self.verdict
         status = "ok" if verdict.is_standing else verdict.verdict
         return {

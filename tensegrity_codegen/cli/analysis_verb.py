@@ -9,7 +9,7 @@ from typing import Annotated, Any, get_origin
 
 import typer
 
-from tensegrity_codegen.analyses.cases.record import SAME, AnalysisRecord, Option, Result, ResultFile
+from tensegrity_codegen.analyses.cases.record import SAME, Option, Result, ResultFile, SceneAnalysis
 from tensegrity_codegen.cli.options import (
     CompilerOption,
     FlagsOption,
@@ -40,12 +40,12 @@ def list_modules() -> list[str]:
 
 
 def read_verb(module: str) -> Verb | None:
-    """Return the verb of an analysis, None where the analysis has none of its own making."""
-    record = getattr(import_module(f"{PACKAGE}.{module}"), "ANALYSIS", None)
-    return None if record is None or record.verb_order is None else build_verb(record)
+    """Return the verb of an analysis, None if it has none of its own making."""
+    record = import_module(f"{PACKAGE}.{module}").ANALYSIS
+    return build_verb(record) if issubclass(record, SceneAnalysis) else None
 
 
-def build_verb(record: type[AnalysisRecord]) -> Verb:
+def build_verb(record: type[SceneAnalysis]) -> Verb:
     """Return the verb of a record, from which Typer makes arguments and options."""
     parameters = _list_parameters(record)
 
@@ -60,11 +60,10 @@ def build_verb(record: type[AnalysisRecord]) -> Verb:
     )
     run.__annotations__ = {name: annotation for name, (annotation, _) in parameters.items()}
     run.__doc__, run.__name__ = record.__doc__, record.name.replace("-", "_")
-    assert record.verb_order is not None
     return Verb(run, record.verb_order, record.name)
 
 
-def _list_parameters(record: type[AnalysisRecord]) -> Mapping[str, tuple[Any, Any]]:
+def _list_parameters(record: type[SceneAnalysis]) -> Mapping[str, tuple[Any, Any]]:
     """Return annotation and default of each argument and option, in the order of the help."""
     parameters: dict[str, tuple[Any, Any]] = {"scene": (SceneArgument, inspect.Parameter.empty)}
     shared = {"load": LoadOption, "input": InputOption}
@@ -95,7 +94,7 @@ def _list_parameters(record: type[AnalysisRecord]) -> Mapping[str, tuple[Any, An
 def _declare(item: Option) -> tuple[Any, Any]:
     """Return annotation and default of an option; a flag stands for one value of its field."""
     help = item.help[0].upper() + item.help[1:]
-    option = typer.Option(f"--{item.argument.replace('_', '-')}", help=help, min=item.least)
+    option = typer.Option(f"--{item.argument.replace('_', '-')}", help=help, min=item.minimum)
     if item.flag:
         return Annotated[bool, option], False
     default = item.default if item.verb_default is SAME else item.verb_default
@@ -105,7 +104,7 @@ def _declare(item: Option) -> tuple[Any, Any]:
     return Annotated[kind, option], inspect.Parameter.empty if default is ... else default
 
 
-def _run(record: type[AnalysisRecord], given: dict[str, Any]) -> None:
+def _run(record: type[SceneAnalysis], given: dict[str, Any]) -> None:
     """Solve a scene by a record, print and write what it says, and exit with 3 where it is not good."""
     scene, printing = given["scene"], given["printing"]
     output = Output(printing.json, printing.all)
@@ -132,7 +131,7 @@ def _run(record: type[AnalysisRecord], given: dict[str, Any]) -> None:
             raise typer.Exit(3)
 
 
-def _build_record(record: type[AnalysisRecord], given: Mapping[str, Any]) -> AnalysisRecord:
+def _build_record(record: type[SceneAnalysis], given: Mapping[str, Any]) -> SceneAnalysis:
     """Return the record with the values of its options."""
     values: dict[str, Any] = {}
     for option in record.list_options():
@@ -146,7 +145,7 @@ def _build_record(record: type[AnalysisRecord], given: Mapping[str, Any]) -> Ana
 
 
 def _read_case(
-    analysis: AnalysisRecord,
+    analysis: SceneAnalysis,
     scene: Path,
     given: Mapping[str, Any],
     output: Output,

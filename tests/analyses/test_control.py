@@ -70,7 +70,7 @@ def design(lift: Path, **options: Any) -> UnchangedLoop:
 
 def find_delay_margin(lift: Path) -> float:
     loop = design(lift)
-    parts = loop.parts
+    parts = loop.controller
     assert parts.gains is not None
     linear = build_linear_loop(
         loop.model, parts.motion, parts.gains, parts.bounds.delay, parts.estimator, {}
@@ -88,7 +88,7 @@ def test_cases_are_loops_of_another_plant_under_the_same_controller(lift: Path) 
     stiffness = [60.0, 80.0, 100.0]
     found = run(lift, {CORD: stiffness}, draws=2, keep=keep)
     loop = design(lift, draws=2)
-    parts = loop.parts
+    parts = loop.controller
     for k, value in enumerate(stiffness):
         rows = []
         for draw, drawn in enumerate(loop.drawn):
@@ -100,7 +100,7 @@ def test_cases_are_loops_of_another_plant_under_the_same_controller(lift: Path) 
                 loop.model, parts.motion, parts.gains, estimator=parts.estimator, t_end=loop.t_end,
                 disturbance=away, compare=False,
             )  # fmt: skip
-            rows.append(measure_run(loop.model, alone, loop.last))
+            rows.append(measure_run(loop.model, alone, loop.error_window))
         assert float(found.end_error[k]) == pytest.approx(max(row.end_error for row in rows), rel=1e-6)
         assert float(found.peak_error[k]) == pytest.approx(max(row.peak_error for row in rows), rel=1e-6)
         assert float(found.end_tension[k]) == pytest.approx(min(row.end_tension for row in rows), rel=1e-6)
@@ -150,11 +150,11 @@ def test_delays_that_the_controller_does_not_know_are_those_of_simulate_control(
     found, loop = run(scene, {DELAY: delays}), design(scene)
     for delay, end in zip(delays, found.end_error.values.tolist(), strict=True):
         alone = simulate_control(
-            loop.model, loop.parts.motion, loop.parts.gains, t_end=loop.t_end, compare=False,
+            loop.model, loop.controller.motion, loop.controller.gains, t_end=loop.t_end, compare=False,
             disturbance=Disturbance(coordinate_error=loop.drawn[0].coordinate),
             limits=ActuatorLimits(delay=delay),
         )  # fmt: skip
-        assert end == pytest.approx(measure_run(loop.model, alone, loop.last).end_error, rel=1e-6)
+        assert end == pytest.approx(measure_run(loop.model, alone, loop.error_window).end_error, rel=1e-6)
 
 
 def test_slow_motors_lag_behind_their_commands(lift: Path) -> None:
@@ -163,8 +163,8 @@ def test_slow_motors_lag_behind_their_commands(lift: Path) -> None:
     for back, rate in ((0, 0.05), (2, 0.08)):
         given = {"actuator_rate": np.array([rate]), "actuator_delay": np.array([(back + 0.4) * SAMPLE])}
         slow = SweptPlant(loop.model, loop).run({}, given, 0, 0)
-        command = np.concatenate([np.repeat(loop.parts.motion.input[:1], back, axis=0), slow.command])
-        where = loop.parts.motion.input[0]
+        command = np.concatenate([np.repeat(loop.controller.motion.input[:1], back, axis=0), slow.command])
+        where = loop.controller.motion.input[0]
         for k, value in enumerate(slow.input):
             where = where + np.clip(command[k] - where, -rate * SAMPLE, rate * SAMPLE)
             assert value == pytest.approx(where, abs=1e-15)
@@ -193,10 +193,10 @@ def test_gusts_are_those_of_simulate_control(lift: Path) -> None:
             coordinate_error=loop.drawn[0].coordinate, gust=Gust("n2", (0.0, 0.0, force), *times), seed=seed
         )
         alone = simulate_control(
-            loop.model, loop.parts.motion, loop.parts.gains, estimator=loop.parts.estimator,
+            loop.model, loop.controller.motion, loop.controller.gains, estimator=loop.controller.estimator,
             t_end=loop.t_end, disturbance=away, compare=False,
         )  # fmt: skip
-        measured = measure_run(loop.model, alone, loop.last)
+        measured = measure_run(loop.model, alone, loop.error_window)
         for name in ("end_error", "peak_error"):
             assert swept[name].values.ravel()[k] == pytest.approx(getattr(measured, name), rel=1e-6)
 
@@ -220,7 +220,7 @@ def test_other_controllers_are_those_of_the_verb(lift: Path, options: dict[str, 
     """A distribution of tensions, and model-predictive control, which another process has too."""
     found = run(lift, {CORD: [70.0, 80.0]}, keep=["end_error", "least_tension"], **options)
     loop = design(lift, **options)
-    parts = loop.parts
+    parts = loop.controller
     assert (parts.distribution is None, parts.mpc is None) == ("mpc" in options, "mpc" not in options)
     seed = int(np.random.SeedSequence([0, 0]).generate_state(1)[0])
     draws = [
@@ -234,7 +234,7 @@ def test_other_controllers_are_those_of_the_verb(lift: Path, options: dict[str, 
         distribution=parts.distribution, t_end=loop.t_end, compare=False,
     )  # fmt: skip
     for k, one in enumerate(alone):
-        measured = measure_run(loop.model, one, loop.last)
+        measured = measure_run(loop.model, one, loop.error_window)
         assert float(found.end_error[k]) == pytest.approx(measured.end_error, rel=1e-6)
         assert float(found.least_tension[k]) == pytest.approx(measured.least_tension, rel=1e-6)
     sent = pickle.loads(pickle.dumps(loop))

@@ -92,7 +92,7 @@ def print_result(output: Output, result: Result) -> None:
 
 
 def report_equilibrium(output: Output, net: Structure) -> None:
-    print_result(output, EquilibriumResult(case_of(net), settle_net(net)))
+    print_result(output, EquilibriumResult(settle_net(net), case_of(net)))
 
 
 def report_analysis(output: Output, net: Structure) -> None:

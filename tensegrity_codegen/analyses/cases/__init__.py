@@ -1,1 +1,1 @@
-"""Cases of an analysis: their arguments, statuses, and what is kept of each."""
+"""Cases of an analysis: their arguments, statuses and stored results."""

@@ -5,7 +5,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from tensegrity_codegen.analyses.cases.record import COORDINATE, CaseAnalysis, Option, Output
+from tensegrity_codegen.analyses.cases.record import COORDINATE, CaseAnalysis, Option, Output, SceneAnalysis
 from tensegrity_codegen.system.errors import (
     ConvergenceError,
     NonFiniteError,
@@ -30,14 +30,14 @@ ResultColumn = tuple[tuple[str, ...], str, str, str]  # axes, type, unit, senten
 
 
 @dataclass(frozen=True)
-class AtPoint(CaseAnalysis):
+class AtPoint(SceneAnalysis, CaseAnalysis):
     """An analysis of each case at one point.
 
     about: ``"start"``: at the state of the case; ``"equilibrium"``: at the stable equilibrium that is found
     from there, at rest.
     """
 
-    analysis: ClassVar[str]  # whose needs the library has to serve, as of `find_needs`
+    analysis: ClassVar[str]  # the name of the needs in `find_needs`
     results: ClassVar[Mapping[str, ResultColumn]]  # all results by name
     default_results: ClassVar[tuple[str, ...]]  # names of those that are kept by default
 
@@ -47,12 +47,12 @@ class AtPoint(CaseAnalysis):
 
     @property
     def settles(self) -> bool:
-        """Whether the equilibrium is looked for first."""
+        """Whether the analysis begins with the search for the equilibrium."""
         return self.about == "equilibrium"
 
     @property
     def analyses(self) -> tuple[str, ...]:
-        """Names of the analyses that are done, with that of the equilibrium they are about."""
+        """Names of the functions that the library must serve, that of the search among them."""
         return (self.analysis, *(["equilibria"] if self.settles else []))
 
     @property
@@ -71,13 +71,13 @@ class AtPoint(CaseAnalysis):
         """Return results of one case by these names; those of fewer modes than coordinates are shorter."""
 
     def list_kept(self) -> tuple[str, ...]:
-        """Return the names of what is kept; raises UnknownNameError or DuplicateNameError."""
+        """Return the names of the stored results; raises UnknownNameError or DuplicateNameError."""
         self.check_keep(self.results)
         check_choice(self.about, POINTS, "point", "about")
         return self.keep or self.default_results
 
     def outputs(self, manifest: "Manifest") -> tuple[Output, ...]:
-        """Return one array for each thing that is kept, NAN behind the last mode."""
+        """Return descriptions of the stored arrays, NAN behind the last mode."""
         from tensegrity_codegen.runtime.model.interface import name_states
 
         states = name_states(manifest)
@@ -88,20 +88,20 @@ class AtPoint(CaseAnalysis):
         for name in self.list_kept():
             dims, dtype, unit, sentence = self.results[name]
             shape = tuple(sizes[dim] for dim in dims)
-            own = {dim: labels[dim] for dim in dims if dim in labels}
-            outputs.append(Output(name, dims, shape, dtype, unit, sentence, own))
+            coordinates = {dim: labels[dim] for dim in dims if dim in labels}
+            outputs.append(Output(name, dims, shape, dtype, unit, sentence, coordinates))
         return tuple(outputs)
 
     def needs(self, structure: "Subject", request: "ModelRequest") -> "Needs":
-        """Return what the analysis needs, and equilibria where it is about these."""
+        """Return the functions of the analysis, and those of the search with `about` "equilibrium"."""
         from tensegrity_codegen.pipeline.analyses import find_needs
 
         self.list_kept()
         needs = find_needs(self.analysis, structure, request)
         if self.settles:
-            more = find_needs("equilibria", structure, request)
-            quantities = tuple(dict.fromkeys((*needs.quantities, *more.quantities)))
-            needs = replace(needs, quantities=quantities, batch_width=more.batch_width)
+            search_needs = find_needs("equilibria", structure, request)
+            quantities = tuple(dict.fromkeys((*needs.quantities, *search_needs.quantities)))
+            needs = replace(needs, quantities=quantities, batch_width=search_needs.batch_width)
         return needs
 
     def compute(
@@ -117,7 +117,7 @@ class AtPoint(CaseAnalysis):
         require_double(model.manifest, self.name)
         rows = dict(case_arguments.rows)
         if self.settles:
-            # What is left of the forces turns neutral motions into slow ones.
+            # Residual forces would turn neutral motions into slow ones.
             tolerance = choose_tolerance(model.structure)
             equilibria = find_case_equilibria(model, case_arguments, threads, tolerance=tolerance)
             rows |= {COORDINATE: equilibria.coordinate, "velocity": np.zeros_like(equilibria.coordinate)}
@@ -128,17 +128,17 @@ class AtPoint(CaseAnalysis):
             output.name: output.full_of_nan(case_arguments.count) for output in self.outputs(model.manifest)
         }
         for k in np.flatnonzero(outcomes.is_ok).tolist():
-            own = {**case_arguments.shared, **{name: array[k] for name, array in rows.items()}}
-            point = own.pop(COORDINATE, None), own.pop("velocity", None)
+            arguments = replace(case_arguments, rows=rows).select_case(k)
+            point = arguments.pop(COORDINATE, None), arguments.pop("velocity", None)
             try:
-                kept = self.compute_case(model, point, own, arrays.keys())
+                results = self.compute_case(model, point, arguments, arrays.keys())
             except (NonFiniteError, ConvergenceError, np.linalg.LinAlgError) as error:
                 status = "not_converged" if isinstance(error, ConvergenceError) else "non_finite_result"
                 message = error.problem if isinstance(error, TensegrityError) else str(error)
                 outcomes.mark(k, status, message)
                 continue
             for name, array in arrays.items():
-                value = np.asarray(kept[name])
-                place: tuple[Any, ...] = (k, *map(slice, value.shape))
-                array[place] = value
+                value = np.asarray(results[name])
+                index: tuple[Any, ...] = (k, *map(slice, value.shape))
+                array[index] = value
         return arrays

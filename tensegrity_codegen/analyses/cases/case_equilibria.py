@@ -20,7 +20,7 @@ def find_case_equilibria(
     start = case_arguments.all.get(COORDINATE, model.nominal(COORDINATE))
     if start.ndim == 1:
         start = np.tile(start, (case_arguments.count, 1))
-    others = {
+    arguments = {
         name: array for name, array in case_arguments.all.items() if name not in (COORDINATE, "velocity")
     }
-    return find_equilibria(model, coordinate=start, arguments=others, threads=threads, **options)
+    return find_equilibria(model, coordinate=start, arguments=arguments, threads=threads, **options)

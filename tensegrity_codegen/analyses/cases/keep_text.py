@@ -1,4 +1,4 @@
-"""The text of what is kept of each case: an expression over quantities, and how it is reduced over time.
+"""The texts of `keep`: an expression over quantities, and its reduction over time.
 
     member_tension                      of motions: at every sample
     member_tension.max                  largest over time, member by member; also min, mean, rms, final
@@ -38,8 +38,8 @@ def describe_quantity(manifest: Manifest, spec: FunctionSpec) -> Output:
     row = QUANTITIES[spec.quantity]
     dims: list[str] = []
     labels: dict[str, tuple[Any, ...]] = {}
-    for word, size in zip(row.shape, spec.shape, strict=True):
-        dim, names = label_axis(manifest, word, spec.quantity)
+    for size_name, size in zip(row.shape, spec.shape, strict=True):
+        dim, names = label_axis(manifest, size_name, spec.quantity)
         while dim in dims:  # columns of a square matrix
             dim = f"{dim}_column"
         dims.append(dim)
@@ -56,7 +56,7 @@ def describe_quantity(manifest: Manifest, spec: FunctionSpec) -> Output:
     )
 
 
-def label_axis(manifest: Manifest, word: str, quantity: str) -> tuple[str, tuple[str, ...]]:
+def label_axis(manifest: Manifest, size_name: str, quantity: str) -> tuple[str, tuple[str, ...]]:
     """Return name and labels of an axis that the table of quantities calls `word`, such as "n_members"."""
     names: dict[str, tuple[str, ...]] = {
         "n_nodes": manifest.node_name,
@@ -67,20 +67,20 @@ def label_axis(manifest: Manifest, word: str, quantity: str) -> tuple[str, tuple
         "n_bar_pairs": manifest.bar_pair_name,
         "n_axes": tuple(AXES[axis] for axis in manifest.axes),
     }
-    if word == "n_axes":  # axes of planar scenes are fewer than those of positions in space
-        return "axis" if len(manifest.axes) == len(AXES) else "plane_axis", names[word]
-    return _name_axis(word, quantity), names.get(word, ())
+    if size_name == "n_axes":  # axes of planar scenes are fewer than those of positions in space
+        return "axis" if len(manifest.axes) == len(AXES) else "plane_axis", names[size_name]
+    return _name_axis(size_name, quantity), names.get(size_name, ())
 
 
-def _name_axis(word: str, quantity: str) -> str:
-    if word.startswith("n_"):
-        return word.removeprefix("n_").removesuffix("s").replace("switche", "switch")
-    return f"{quantity}_{word}"
+def _name_axis(size_name: str, quantity: str) -> str:
+    if size_name.startswith("n_"):
+        return size_name.removeprefix("n_").removesuffix("s").replace("switche", "switch")
+    return f"{quantity}_{size_name}"
 
 
 def list_axis_names() -> frozenset[str]:
     """Return the names that axes of any quantity of any structure have."""
-    names = {_name_axis(word, name) for name, row in QUANTITIES.items() for word in row.shape}
+    names = {_name_axis(size_name, name) for name, row in QUANTITIES.items() for size_name in row.shape}
     names |= {"axis", "plane_axis", "mode"}
     return frozenset(names | {f"{name}_column" for name in names})
 
@@ -100,12 +100,12 @@ TAKEN = ("case", "sample", "status", "message", "task", "task_record", "time")
 
 @dataclass(frozen=True)
 class KeptText:
-    """One thing that is kept.
+    """One parsed text of `keep`.
 
     name: of the array of results.
     text: as it was written, without the name.
     expression: the expression or condition in it.
-    reduction: one of REDUCTIONS, ``"every"``, ``"first"``; empty for every sample, and where there is no
+    reduction: one of REDUCTIONS, ``"every"``, ``"first"``; empty for every sample, or without
         time.
     step: of ``"every"``: samples from one that is kept to the next.
     """
@@ -118,7 +118,7 @@ class KeptText:
 
     @property
     def text_beside_name(self) -> str:
-        """The text, empty where it is the name."""
+        """The text, empty if it is the name."""
         return "" if self.name == self.text else self.text
 
     @property
@@ -130,54 +130,54 @@ class KeptText:
 def parse_kept(
     texts: Sequence[str], results: Sequence[str] = (), *, over_time: bool = False
 ) -> tuple[KeptText, ...]:
-    """Return what texts ask for, each under a name of its own.
+    """Return the parsed texts, each under a name of its own.
 
     texts: as in the description of this file; results: names that stand for results of the operation itself;
     over_time: whether there are samples over time, and so reductions.
     Raises InvalidValueError, UnknownNameError, NonFiniteError: a text that cannot be understood, or an
     unknown name in it; DuplicateNameError: two texts under one name.
     """
-    found: list[KeptText] = []
-    for text in texts:
+    kept_texts: list[KeptText] = []
+    for entry in texts:
         try:
-            kept = _parse_one(text, results)
-            _check_time(kept, over_time=over_time)
+            kept_text = _parse_one(entry, results)
+            _check_time(kept_text, over_time=over_time)
         except TensegrityError as error:
-            error.where = f"keep {text!r}"
+            error.where = f"keep {entry!r}"
             raise
-        found.append(_name_apart(kept, found, is_labelled=LABEL.fullmatch(text) is not None))
-    return tuple(found)
+        kept_texts.append(_name_apart(kept_text, kept_texts, is_labelled=LABEL.fullmatch(entry) is not None))
+    return tuple(kept_texts)
 
 
 def _parse_one(text: str, results: Sequence[str]) -> KeptText:
     labelled = LABEL.fullmatch(text)
     label, body = labelled.groups() if labelled else ("", text)
     body = body.strip()
-    kept = KeptText(label or _make_name(body), body, *_split(body))
+    kept_text = KeptText(label or _make_name(body), body, *_split(body))
     if _is_taken(label):
         raise InvalidValueError(
             "sweeps have an array or an axis of this name", where="keep", given=label, allowed="another name"
         )
-    if kept.expression in results:
-        return kept
+    if kept_text.expression in results:
+        return kept_text
     _check_reduction(body)
     try:
-        tree = parse_condition(kept.expression)
+        tree = parse_condition(kept_text.expression)
     except TensegrityError as error:
-        if kept.expression.isidentifier() and results:
-            error.hint = suggest(kept.expression, [*QUANTITIES, *results])
+        if kept_text.expression.isidentifier() and results:
+            error.hint = suggest(kept_text.expression, [*QUANTITIES, *results])
         raise
-    if (kept.reduction == FIRST) is not isinstance(tree, ast.Compare):
+    if (kept_text.reduction == FIRST) is not isinstance(tree, ast.Compare):
         raise InvalidValueError(
             "the first time of something that is no comparison"
-            if kept.reduction == FIRST
+            if kept_text.reduction == FIRST
             else "a comparison has no values to keep",
             where="keep",
             given=text,
             allowed=ALLOWED,
             hint="first(member_tension[c1] < 0.5) is the first time at which it holds",
         )
-    return kept
+    return kept_text
 
 
 def _split(body: str) -> tuple[str, str, int]:
@@ -185,7 +185,7 @@ def _split(body: str) -> tuple[str, str, int]:
     try:
         tree = ast.parse(body, mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        return body, "", 1  # parse_condition says what is wrong
+        return body, "", 1  # parse_condition raises the error
     if isinstance(tree, ast.Attribute) and tree.attr in REDUCTIONS:
         return _text_of(body, tree.value), tree.attr, 1
     if not isinstance(tree, ast.Call):
@@ -209,16 +209,16 @@ def _split(body: str) -> tuple[str, str, int]:
 
 def _check_reduction(body: str) -> None:
     """Raise UnknownNameError for `member_tension.median`: a quantity followed by no known reduction."""
-    found = re.search(r"(?:^|[^\w.])(\w+)(?:\[[^\]]*\])?\.([A-Za-z]\w*)(?:\([^()]*\))?$", body)
-    if found is not None and found[1] in QUANTITIES and found[2] not in (*REDUCTIONS, EVERY, *"xyz"):
-        if found[1] == POSITION or "[" in body:
+    match = re.search(r"(?:^|[^\w.])(\w+)(?:\[[^\]]*\])?\.([A-Za-z]\w*)(?:\([^()]*\))?$", body)
+    if match is not None and match[1] in QUANTITIES and match[2] not in (*REDUCTIONS, EVERY, *"xyz"):
+        if match[1] == POSITION or "[" in body:
             return  # components of points: parse_condition knows their names
         raise UnknownNameError(
             "unknown reduction over time",
             where="keep",
-            given=found[2],
+            given=match[2],
             allowed=f"{', '.join(REDUCTIONS)}, {EVERY}(k)",
-            hint=suggest(found[2], [*REDUCTIONS, EVERY]),
+            hint=suggest(match[2], [*REDUCTIONS, EVERY]),
         )
 
 
@@ -227,19 +227,19 @@ def _is_taken(name: str) -> bool:
     return name in TAKEN or name in list_axis_names() or name.startswith(f"time_{EVERY}_")
 
 
-def _text_of(whole: str, node: ast.expr) -> str:
-    return ast.get_source_segment(whole, node) or ast.unparse(node)
+def _text_of(source: str, node: ast.expr) -> str:
+    return ast.get_source_segment(source, node) or ast.unparse(node)
 
 
-def _check_time(kept: KeptText, *, over_time: bool) -> None:
-    """Raise InvalidValueError for a reduction over time, or the time itself, where there is none."""
+def _check_time(kept_text: KeptText, *, over_time: bool) -> None:
+    """Raise InvalidValueError for a reduction over time, or the time itself, without samples over time."""
     if over_time:
         return
-    if kept.reduction or re.search(r"(?<![\w.])time(?!\w)", kept.expression):
+    if kept_text.reduction or re.search(r"(?<![\w.])time(?!\w)", kept_text.expression):
         raise InvalidValueError(
             "there is no time to reduce over",
             where="keep",
-            given=kept.text,
+            given=kept_text.text,
             allowed="an expression over quantities",
             hint="reductions are for motions, do = simulate",
         )
@@ -251,16 +251,21 @@ def _make_name(body: str) -> str:
     return name if name[:1].isalpha() else f"value_{name}".rstrip("_")
 
 
-def _name_apart(kept: KeptText, others: Sequence[KeptText], *, is_labelled: bool) -> KeptText:
-    """Return what is kept under a name that no other has; equal texts and stated names are refused."""
-    names = [other.name for other in others]
-    if kept.text in [other.text for other in others] or (is_labelled and kept.name in names):
+def _name_apart(kept_text: KeptText, earlier: Sequence[KeptText], *, is_labelled: bool) -> KeptText:
+    """Return the parsed text under an unused name; equal texts and stated names are refused."""
+    names = [kept_before.name for kept_before in earlier]
+    if kept_text.text in [kept_before.text for kept_before in earlier] or (
+        is_labelled and kept_text.name in names
+    ):
         raise DuplicateNameError(
-            "kept twice", where="keep", given=kept.text, allowed="each thing once, under a name of its own"
+            "kept twice",
+            where="keep",
+            given=kept_text.text,
+            allowed="each thing once, under a name of its own",
         )
-    first = f"{kept.name}_value" if _is_taken(kept.name) else kept.name
-    name, number = first, 1
+    base = f"{kept_text.name}_value" if _is_taken(kept_text.name) else kept_text.name
+    name, number = base, 1
     while name in names:
         number += 1
-        name = f"{first}_{number}"
-    return replace(kept, name=name)
+        name = f"{base}_{number}"
+    return replace(kept_text, name=name)

@@ -1,4 +1,4 @@
-"""Kept results of each case, bound to a library: their arrays, and their values at many states."""
+"""Results that `keep` requests, bound to a library: their arrays, and their values at many states."""
 
 import ast
 from collections.abc import Mapping
@@ -24,95 +24,97 @@ Labels = dict[str, tuple[Any, ...]]
 
 @dataclass(frozen=True)
 class Kept:
-    """One thing that is kept, of one library.
+    """One result that `keep` requests, bound to a library.
 
-    text: what was asked for; output: its array at one state, without time; names: quantities whose values it
-    takes, "node_position" among them; part: how its value follows from them, None where it is one quantity.
+    kept_text: the parsed text; output: the array at one state, without time; names: quantities in the text,
+    "node_position" among them; formula: the value as a function of them, None for a single quantity.
     """
 
-    text: KeptText
+    kept_text: KeptText
     output: Output
     names: tuple[str, ...]
-    part: Part | None
+    formula: Part | None
 
     def evaluate(self, values: Mapping[str, RealArray], shape: tuple[int, ...]) -> RealArray:
         """Return the value at many states, (*shape, ...), from the values of names, each (*shape, ...).
 
-        shape: of the states, for example (count, n_t). What is not finite is NAN or infinite.
+        shape: of the states, for example (count, n_t). Undefined values are NAN or infinite.
         """
-        if self.part is None:
+        if self.formula is None:
             return values[self.names[0]]
         count = int(np.prod(shape))
-        behind = {
+        by_entry = {
             name: np.moveaxis(value.reshape(count, *value.shape[len(shape) :]), 0, -1)
             for name, value in values.items()
         }
         with np.errstate(all="ignore"):
-            found = np.broadcast_to(self.part.evaluate(behind), (*self.output.shape, count))
-        return np.moveaxis(found, -1, 0).reshape(*shape, *self.output.shape)
+            result = np.broadcast_to(self.formula.evaluate(by_entry), (*self.output.shape, count))
+        return np.moveaxis(result, -1, 0).reshape(*shape, *self.output.shape)
 
 
-def find_kept_quantities(kept: tuple[KeptText, ...], request: ModelRequest) -> tuple[str, ...]:
-    """Return the quantities that a library has to compute for what is kept."""
+def find_kept_quantities(kept_texts: tuple[KeptText, ...], request: ModelRequest) -> tuple[str, ...]:
+    """Return the quantities that a library has to compute for parsed texts."""
     names: dict[str, None] = {}
-    for item in kept:
-        names |= dict.fromkeys(find_quantities(item.expression))
-        needs_places = POSITION in item.expression or "." in item.expression
-        # Where coordinates are no node coordinates, a quantity places nodes.
+    for kept_text in kept_texts:
+        names |= dict.fromkeys(find_quantities(kept_text.expression))
+        needs_places = POSITION in kept_text.expression or "." in kept_text.expression
+        # If coordinates are no node coordinates, a quantity computes the positions.
         if needs_places and not find_formulation(request.formulation).in_nodes:
             names[POSITION] = None
     return tuple(names)
 
 
-def bind_kept(kept: tuple[KeptText, ...], manifest: Manifest) -> tuple[Kept, ...]:
-    """Return what is kept for one library; raises FormulationError where the library lacks a quantity.
+def bind_kept(kept_texts: tuple[KeptText, ...], manifest: Manifest) -> tuple[Kept, ...]:
+    """Return the results of one library; raises FormulationError if the library lacks a quantity.
 
     Raises InvalidValueError and UnknownNameError for entries that the structure does not have.
     """
-    return tuple(_bind(item, manifest) for item in kept)
+    return tuple(_bind(kept_text, manifest) for kept_text in kept_texts)
 
 
-def _bind(item: KeptText, manifest: Manifest) -> Kept:
+def _bind(kept_text: KeptText, manifest: Manifest) -> Kept:
     specs = {spec.quantity: spec for spec in manifest.functions}
-    wanted = find_quantities(item.expression)
-    for name in wanted:
-        is_part = item.expression != name
+    quantities = find_quantities(kept_text.expression)
+    for name in quantities:
+        is_part = kept_text.expression != name
         if name not in specs or (specs[name].pattern is not None and is_part):
             raise FormulationError(
                 "the library has no such function",
-                where=f"keep {item.text!r}",
+                where=f"keep {kept_text.text!r}",
                 given=name,
                 hint="a sparse matrix can only be kept whole"
                 if name in specs
                 else "build it with this quantity",
             )
-    if item.expression in specs and item.expression != POSITION:
-        output = describe_quantity(manifest, specs[item.expression])
-        output = replace(output, name=item.name, expression=item.text_beside_name)
-        return Kept(item, output, (item.expression,), None)
+    if kept_text.expression in specs and kept_text.expression != POSITION:
+        output = describe_quantity(manifest, specs[kept_text.expression])
+        output = replace(output, name=kept_text.name, expression=kept_text.text_beside_name)
+        return Kept(kept_text, output, (kept_text.expression,), None)
     try:
-        part = build_part(item.tree, manifest)
+        formula = build_part(kept_text.tree, manifest)
     except TensegrityError as error:
-        error.where = f"keep {item.text!r}"
+        error.where = f"keep {kept_text.text!r}"
         raise
-    axes = find_axes(item.tree, manifest)
-    names = (*wanted, *((POSITION,) if part.places else ()))
+    axes = find_axes(kept_text.tree, manifest)
+    names = (*quantities, *((POSITION,) if formula.places else ()))
     output = Output(
-        name=item.name,
+        name=kept_text.name,
         dims=axes.dims,
-        shape=part.shape,
+        shape=formula.shape,
         dtype=real_dtype(manifest),
         unit=axes.unit,
-        sentence=QUANTITIES[POSITION].sentence if item.expression == POSITION else f"Value of {item.text}.",
+        sentence=QUANTITIES[POSITION].sentence
+        if kept_text.expression == POSITION
+        else f"Value of {kept_text.text}.",
         coordinates={dim: labels for dim, labels in axes.labels.items() if dim in axes.dims},
-        expression=item.text_beside_name,
+        expression=kept_text.text_beside_name,
     )
-    return Kept(item, output, names, None if item.expression == POSITION else part)
+    return Kept(kept_text, output, names, None if kept_text.expression == POSITION else formula)
 
 
 @dataclass(frozen=True)
 class Shaped:
-    """Names of the axes of an expression, their labels, and its unit, "" where it is not known."""
+    """Names of the axes of an expression, their labels, and its unit, "" if it is unknown."""
 
     dims: tuple[str, ...] = ()
     unit: str = ""
@@ -130,9 +132,9 @@ def _find(node: ast.expr, manifest: Manifest, specs: dict[str, FunctionSpec]) ->
         return _of_name(node.id, manifest, specs)
     if isinstance(node, ast.Subscript):
         assert isinstance(node.value, ast.Name)
-        whole = _of_name(node.value.id, manifest, specs)
+        shaped = _of_name(node.value.id, manifest, specs)
         count = len(node.slice.elts) if isinstance(node.slice, ast.Tuple) else 1
-        return Shaped(whole.dims[count:], whole.unit, whole.labels)
+        return Shaped(shaped.dims[count:], shaped.unit, shaped.labels)
     if isinstance(node, ast.Attribute):
         return Shaped(unit="m")
     if isinstance(node, ast.UnaryOp):
@@ -140,7 +142,7 @@ def _find(node: ast.expr, manifest: Manifest, specs: dict[str, FunctionSpec]) ->
     if isinstance(node, ast.BinOp):
         return _of_two(node, _find(node.left, manifest, specs), _find(node.right, manifest, specs))
     if isinstance(node, ast.Call):
-        return _of_call(node, [_find(part, manifest, specs) for part in node.args])
+        return _of_call(node, [_find(argument, manifest, specs) for argument in node.args])
     return Shaped()
 
 
@@ -157,20 +159,22 @@ def _of_two(node: ast.BinOp, left: Shaped, right: Shaped) -> Shaped:
     longer = left if len(left.dims) >= len(right.dims) else right
     adds = isinstance(node.op, ast.Add | ast.Sub)
     units = {
-        item.unit
-        for item, side in ((left, node.left), (right, node.right))
+        shaped.unit
+        for shaped, side in ((left, node.left), (right, node.right))
         if not (adds and isinstance(side, ast.Constant))
     }
     unit = units.pop() if adds and len(units) == 1 else ""
     return Shaped(longer.dims, unit, {**right.labels, **left.labels})
 
 
-def _of_call(node: ast.Call, parts: list[Shaped]) -> Shaped:
+def _of_call(node: ast.Call, arguments: list[Shaped]) -> Shaped:
     assert isinstance(node.func, ast.Name)
     units = {
-        part.unit for part, side in zip(parts, node.args, strict=True) if not isinstance(side, ast.Constant)
+        shaped.unit
+        for shaped, side in zip(arguments, node.args, strict=True)
+        if not isinstance(side, ast.Constant)
     }
     unit = units.pop() if len(units) == 1 else ""
     if node.func.id == "sqrt":
-        return Shaped(parts[0].dims, "", parts[0].labels)
-    return Shaped(parts[0].dims, unit, parts[0].labels) if node.func.id == "abs" else Shaped((), unit)
+        return Shaped(arguments[0].dims, "", arguments[0].labels)
+    return Shaped(arguments[0].dims, unit, arguments[0].labels) if node.func.id == "abs" else Shaped((), unit)

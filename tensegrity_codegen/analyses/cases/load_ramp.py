@@ -25,9 +25,9 @@ class LoadRamp:
     pattern: "dict[str, NDArray[np.float64]]"
     parameters: dict[str, tuple[int, ...]]
 
-    def check_moves(self, path: "ModelPath", words: Sequence[str]) -> None:
-        """Raise InvalidValueError where a growing load acts on what is held only."""
-        held = path.find_held() if words else ()
+    def check_moves(self, path: "ModelPath", load_texts: Sequence[str]) -> None:
+        """Raise InvalidValueError if a growing load acts on anchored axes only."""
+        held = path.find_held() if load_texts else ()
         if held:
             raise InvalidValueError(
                 "the load acts on anchored axes only and has no effect",
@@ -39,37 +39,42 @@ class LoadRamp:
 
 
 def build_ramp(
-    subject: "Subject", kind: RampKind | None, load: "NDArray[np.float64]", words: Sequence[str]
+    subject: "Subject", kind: RampKind | None, load: "NDArray[np.float64]", load_texts: Sequence[str]
 ) -> LoadRamp:
-    """Return what grows and what stays. Raises InvalidValueError for no load.
+    """Return the growing and the constant loads. Raises InvalidValueError for no load.
 
-    load (n_nodes, 3) [N]: added to the loads of the scene; words: the values of --load that state it.
+    load (n_nodes, 3) [N]: added to the loads of the scene; load_texts: the values of --load that state it.
     kind: "load": the added loads; "loads": these and the scene's own; "gravity": gravity alone, while all
     loads stay; "all": all of them; None: the added loads, without these the scene's own, or its gravity.
     """
     import numpy as np
 
     axes = list(subject.axes)
-    own, added = subject.node_load[:, axes], load[:, axes]
+    scene_load, added = subject.node_load[:, axes], load[:, axes]
     weight = np.array(subject.gravity, dtype=float)[axes]
     if kind is None:
-        kind = "load" if words else "loads" if own.any() else "gravity" if weight.any() else "all"
-    grows = {"load": added, "loads": own + added, "gravity": 0 * own, "all": own + added}[kind]
-    base, pattern = {"node_load": own + added - grows}, {"node_load": grows}
+        kind = "load" if load_texts else "loads" if scene_load.any() else "gravity" if weight.any() else "all"
+    grows = {
+        "load": added,
+        "loads": scene_load + added,
+        "gravity": 0 * scene_load,
+        "all": scene_load + added,
+    }[kind]
+    base, pattern = {"node_load": scene_load + added - grows}, {"node_load": grows}
     parameters: dict[str, tuple[int, ...]] = {"node_load": tuple(range(subject.n_nodes))}
     if kind in ("gravity", "all") and weight.any():
         base["gravity"], pattern["gravity"], parameters["gravity"] = 0 * weight, weight, ()
     if not any(values.any() for values in pattern.values()):
-        raise _no_load(kind, words)
+        raise _no_load(kind, load_texts)
     return LoadRamp(base, pattern, parameters)
 
 
-def _no_load(kind: RampKind, words: Sequence[str]) -> InvalidValueError:
+def _no_load(kind: RampKind, load_texts: Sequence[str]) -> InvalidValueError:
     if kind == "gravity":
         return InvalidValueError(
             "the scene has no gravity", where="--ramp", given=kind, allowed="a scene with the key gravity"
         )
-    if kind == "load" and not words:
+    if kind == "load" and not load_texts:
         return InvalidValueError(
             "no load is given",
             where="--load",
@@ -77,7 +82,7 @@ def _no_load(kind: RampKind, words: Sequence[str]) -> InvalidValueError:
             allowed="NODE=fx,fy,fz",
             hint="add --load, or omit --ramp load: then the scene's own loads increase",
         )
-    if not words:
+    if not load_texts:
         also = " and no gravity" if kind == "all" else ""
         return InvalidValueError(
             f"the scene has no loads{also}",
@@ -87,5 +92,5 @@ def _no_load(kind: RampKind, words: Sequence[str]) -> InvalidValueError:
             hint="add --load NODE=fx,fy,fz",
         )
     return InvalidValueError(
-        "the load is zero", where="--load", given=", ".join(words), allowed="a force that is not zero"
+        "the load is zero", where="--load", given=", ".join(load_texts), allowed="a force that is not zero"
     )

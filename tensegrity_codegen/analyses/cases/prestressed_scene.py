@@ -32,7 +32,7 @@ BALANCE_TOLERANCE = 1e-6  # of the largest force: residual up to which the writt
 
 @dataclass(frozen=True)
 class Prestressed:
-    """A scene with the prestress found, as it was read back: tensions [N] and what is left of balance [N]."""
+    """A scene with the prestress found, as it was read back: tensions [N] and the largest residual [N]."""
 
     tension: FloatArray
     residual: float
@@ -42,14 +42,14 @@ class Prestressed:
 def write_prestressed(
     subject: "Subject",
     request: "ModelRequest",
-    found: "Analysis",
+    analysis: "Analysis",
     coordinate: FloatArray | None,
     text: str,
     out: Path,
     *,
     overwrite: bool,
 ) -> Prestressed | None:
-    """Write the scene whose member tensions are the self-stress found; None where there is none.
+    """Write the scene whose member tensions are the self-stress found; None if there is none.
 
     coordinate (n_coordinates,): the equilibrium that was analysed; by default the positions are those of the
     scene; text: the value of --prestress.
@@ -60,19 +60,21 @@ def write_prestressed(
     from tensegrity_codegen.scene.describe import describe_subject
     from tensegrity_codegen.scene.write import write_scene
 
-    shape = found.prestress.tension
+    shape = analysis.prestress.tension
     name, force = _read_size(text, subject)
-    if not found.prestress.is_found or not shape.any():
+    if not analysis.prestress.is_found or not shape.any():
         return None
     tension = shape * _find_scale(subject, shape, name, force)
-    moved = _move(subject, found, coordinate)
-    length = _find_length(moved, found)
-    rest = moved.require_rest_length(length, tension, "a smaller --prestress, or a stiffer member")
-    settled = moved.with_changes(rest_length=rest)
+    moved = _move(subject, analysis, coordinate)
+    length = _find_length(moved, analysis)
+    rest_length = moved.require_rest_length(length, tension, "a smaller --prestress, or a stiffer member")
+    settled = moved.with_changes(rest_length=rest_length)
     document = describe_subject(settled, request)
-    again, _ = load_scene(document)
-    stored = np.where(_find_rigid(again), tension, again.compute_static_tension(_find_length(again, found)))
-    residual = _find_residual(found, stored)
+    reloaded, _ = load_scene(document)
+    stored = np.where(
+        _find_rigid(reloaded), tension, reloaded.compute_static_tension(_find_length(reloaded, analysis))
+    )
+    residual = _find_residual(analysis, stored)
     largest = float(np.abs(stored).max())
     if residual > BALANCE_TOLERANCE * largest:
         raise ConvergenceError(
@@ -82,11 +84,11 @@ def write_prestressed(
             hint="members may be very stiff for so little force: more prestress, or a smaller stiffness",
         )
     write_scene(document, out, overwrite=overwrite)
-    return Prestressed(stored, residual, _describe_choice(found))
+    return Prestressed(stored, residual, _describe_choice(analysis))
 
 
 def _read_size(text: str, subject: "Subject") -> tuple[str, float]:
-    """Return what the force belongs to, "" for the cable with most tension, and the force [N]."""
+    """Return the name to which the force belongs, "" for the cable with most tension, and the force [N]."""
     name, _, number = text.rpartition("=")
     if name and name != LEAST_WORD and name not in subject.member_name:
         raise UnknownNameError(
@@ -123,8 +125,8 @@ def _read_size(text: str, subject: "Subject") -> tuple[str, float]:
 def _find_scale(subject: "Subject", shape: FloatArray, name: str, force: float) -> float:
     """Return the factor by which the self-stress has the force that was stated."""
     if name in subject.member_name:
-        own = float(shape[subject.member_name.index(name)])
-        if abs(own) <= NO_FORCE * np.abs(shape).max():
+        member_force = float(shape[subject.member_name.index(name)])
+        if abs(member_force) <= NO_FORCE * np.abs(shape).max():
             raise InvalidValueError(
                 "the member has no force in the prestress found",
                 where=PRESTRESS,
@@ -132,16 +134,16 @@ def _find_scale(subject: "Subject", shape: FloatArray, name: str, force: float) 
                 allowed="a member with a force",
                 hint=f"state that of {subject.member_name[int(np.abs(shape).argmax())]}",
             )
-        if own * force < 0 and subject.tension_only.any():
-            kind = "tension" if own > 0 else "compression"
+        if member_force * force < 0 and subject.tension_only.any():
+            kind = "tension" if member_force > 0 else "compression"
             raise InvalidValueError(
                 f"the member is in {kind} in the prestress found",
                 where=PRESTRESS,
                 given=f"{name}={force:g}",
-                allowed="above 0" if own > 0 else "below 0",
+                allowed="above 0" if member_force > 0 else "below 0",
                 hint=f"--prestress {name}={-force:g}",
             )
-        return force / own
+        return force / member_force
     cables = shape[subject.tension_only]
     if not len(cables):
         size = float(np.abs(shape).min() if name == LEAST_WORD else np.abs(shape).max())
@@ -157,20 +159,20 @@ def _find_scale(subject: "Subject", shape: FloatArray, name: str, force: float) 
     return force / size
 
 
-def _move(subject: "Subject", found: "Analysis", coordinate: FloatArray | None) -> "Subject":
+def _move(subject: "Subject", analysis: "Analysis", coordinate: FloatArray | None) -> "Subject":
     """Return the structure in the configuration that was analysed."""
     if coordinate is None:
         return subject
     if isinstance(subject, BodySystem):
         return subject.with_changes(coordinate=coordinate, velocity=0 * subject.velocity)
-    return subject.with_changes(node_position=found.node_position, node_velocity=0 * subject.node_velocity)
+    return subject.with_changes(node_position=analysis.node_position, node_velocity=0 * subject.node_velocity)
 
 
-def _find_length(subject: "Subject", found: "Analysis") -> FloatArray:
+def _find_length(subject: "Subject", analysis: "Analysis") -> FloatArray:
     """Return the member lengths [m]; those of nodes by the positions that are written."""
     if isinstance(subject, Structure):
         return subject.member_length()
-    return found.member_length
+    return analysis.member_length
 
 
 def _find_rigid(subject: "Subject") -> NDArray[np.bool_]:
@@ -179,25 +181,25 @@ def _find_rigid(subject: "Subject") -> NDArray[np.bool_]:
     return rigid
 
 
-def _find_residual(found: "Analysis", tension: FloatArray) -> float:
+def _find_residual(analysis: "Analysis", tension: FloatArray) -> float:
     """Return the largest component of A t [N], by the whole singular value decomposition of A."""
-    rank = found.rank
+    rank = analysis.rank
     n = rank.largest_rank
-    left = np.hstack([rank.left, rank.free_motion])[:, :n]
-    right = np.vstack([rank.right, rank.selfstress])[:n]
-    return float(np.abs(left @ (rank.singular_value * (right @ tension))).max(initial=0.0))
+    left_vectors = np.hstack([rank.left, rank.free_motion])[:, :n]
+    right_vectors = np.vstack([rank.right, rank.selfstress])[:n]
+    return float(np.abs(left_vectors @ (rank.singular_value * (right_vectors @ tension))).max(initial=0.0))
 
 
-def _describe_choice(found: "Analysis") -> str:
-    """Return which of several self-stresses was written, and what loads do."""
-    count = found.n_selfstress
+def _describe_choice(analysis: "Analysis") -> str:
+    """Return a sentence about the choice among self-stresses, and about loads."""
+    count = analysis.n_selfstress
     if count == 1:
-        text = "the only self-stress"
+        sentence = "the only self-stress"
     else:
-        text = (
+        sentence = (
             f"of {count} self-stresses the combination whose least cable tension is largest (where that does "
             "not stiffen all mechanisms: one that does)"
         )
-    if found.is_loaded:
-        text += "; it does not balance the loads: `equilibrium` finds the shape under both"
-    return text
+    if analysis.is_loaded:
+        sentence += "; it does not balance the loads: `equilibrium` finds the shape under both"
+    return sentence

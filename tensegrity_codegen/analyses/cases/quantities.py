@@ -1,4 +1,4 @@
-"""Arguments of a chunk of cases, checked, and quantities for every case, side by side where it can.
+"""Arguments of a chunk of cases, checked, and quantities for every case, in batches if possible.
 
 Rows with numbers that are not finite fail alone.
 """
@@ -23,7 +23,7 @@ from tensegrity_codegen.tables.manifest import FunctionSpec
 from tensegrity_codegen.tables.quantities import ARGUMENTS
 
 GUST, GUST_TIME = "gust", "gust_time"  # forces on nodes for a limited time, in closed loops
-GUST_TIMES = {"start": 0.0, "duration": 0.2}  # [s], where no key states them
+GUST_TIMES = {"start": 0.0, "duration": 0.2}  # [s], unless a key states them
 # Arguments that only closed loops have: properties of actuators and sensors, and a gust.
 OF_LOOPS = ("actuator_delay", "actuator_rate", "sensor_noise", GUST, GUST_TIME)
 NOT_FINITE = "the value of {name} is not finite"
@@ -39,7 +39,7 @@ class CaseArguments:
     """Run-time arguments of a chunk: one row a case, or one value for all.
 
     rows: arrays (count, ...) by argument, those of cases in `is_bad` replaced by the scene's values; shared:
-    arrays without the leading axis; messages: why a case is bad, by its number; loops: rows of what only
+    arrays without the leading axis; messages: why a case is bad, by its number; loops: rows that only
     closed loops have, delays of the actuators (count, n_actuators) [s] and noise of the sensors.
     """
 
@@ -54,35 +54,39 @@ class CaseArguments:
         """All arguments, as batch functions take them."""
         return {**self.shared, **self.rows}
 
+    def select_case(self, k: int) -> dict[str, NDArray[Any]]:
+        """Return the arguments of case `k`."""
+        return {**self.shared, **{name: array[k] for name, array in self.rows.items()}}
+
     def outcomes(self) -> "Outcomes":
-        """Return how the cases ended before anything was computed: good but for bad values."""
-        found = Outcomes(np.full(self.count, encode_status("ok"), dtype=np.int8), [""] * self.count)
+        """Return the outcomes before the computation: "non_finite_input" for bad cases, else "ok"."""
+        outcomes = Outcomes(np.full(self.count, encode_status("ok"), dtype=np.int8), [""] * self.count)
         for k, message in self.messages.items():
-            found.mark(k, "non_finite_input", message)
-        return found
+            outcomes.mark(k, "non_finite_input", message)
+        return outcomes
 
 
 @dataclass(frozen=True, eq=False)
 class Outcomes:
-    """How the cases of a chunk end: codes of `STATUSES` (count,), and a sentence each."""
+    """Codes of `STATUSES` (count,) and messages of the cases of a chunk."""
 
     codes: NDArray[np.int8]
     messages: list[str]
 
     @property
     def is_ok(self) -> NDArray[np.bool_]:
-        """Which cases nothing is known against, (count,)."""
+        """Which cases have not failed, (count,)."""
         return np.asarray(self.codes == encode_status("ok"))
 
-    def mark(self, case: int, word: str, message: str) -> None:
+    def mark(self, case: int, status: str, message: str) -> None:
         """Note the status of a case."""
-        self.codes[case], self.messages[case] = encode_status(word), message
+        self.codes[case], self.messages[case] = encode_status(status), message
 
-    def mark_ok(self, words: Sequence[str], messages: Sequence[str], first: int = 0) -> None:
-        """Note the statuses of consecutive cases, from case `first` on, where none is known yet."""
-        for k, (word, message) in enumerate(zip(words, messages, strict=True), first):
+    def mark_ok(self, statuses: Sequence[str], messages: Sequence[str], start: int = 0) -> None:
+        """Note the statuses of consecutive cases, from case `start` on, of those that are ok so far."""
+        for k, (status, message) in enumerate(zip(statuses, messages, strict=True), start):
             if self.codes[k] == encode_status("ok"):
-                self.mark(k, word, message)
+                self.mark(k, status, message)
 
 
 def read_case_arguments(model: CompiledModel, arguments: Mapping[str, Any], count: int) -> CaseArguments:
@@ -96,8 +100,8 @@ def read_case_arguments(model: CompiledModel, arguments: Mapping[str, Any], coun
     rows: dict[str, NDArray[Any]] = {}
     shared: dict[str, NDArray[Any]] = {}
     loops = {name: np.asarray(arguments[name]) for name in OF_LOOPS if name in arguments}
-    others = {name: value for name, value in arguments.items() if name not in loops}
-    for name, value in _merge_inputs(model, others, count).items():
+    model_arguments = {name: value for name, value in arguments.items() if name not in loops}
+    for name, value in _merge_inputs(model, model_arguments, count).items():
         shape = model.nominal(name).shape
         array, is_batched = to_batch(value, shape, model.library.precision, name)
         if is_batched and len(array) != count:
@@ -114,15 +118,15 @@ def read_case_arguments(model: CompiledModel, arguments: Mapping[str, Any], coun
 def _merge_inputs(model: CompiledModel, arguments: Mapping[str, Any], count: int) -> dict[str, Any]:
     """Return the arguments with one array (count, n_inputs) for inputs by name, numbers as they are."""
     manifest, merged = model.manifest, dict(arguments)
-    known = [item.name for item in manifest.arguments] + list(manifest.input_name)
+    valid_names = [argument.name for argument in manifest.arguments] + list(manifest.input_name)
     for name in arguments:
-        if unify_name(manifest, name) not in ARGUMENTS or name not in known:
+        if unify_name(manifest, name) not in ARGUMENTS or name not in valid_names:
             raise UnknownNameError(
                 "the library has no such argument",
                 where=manifest.name,
                 given=name,
-                allowed=", ".join(known),
-                hint=suggest(name, known),
+                allowed=", ".join(valid_names),
+                hint=suggest(name, valid_names),
             )
     named = [name for name in arguments if name != INPUT and unify_name(manifest, name) == INPUT]
     if not named:
@@ -166,79 +170,87 @@ RealArray = NDArray[Any]
 
 
 def compute_rows(
-    model: CompiledModel, quantity: str, given: CaseArguments, threads: int = 1
+    model: CompiledModel, quantity: str, case_arguments: CaseArguments, threads: int = 1
 ) -> tuple[RealArray, BoolArray]:
     """Return a quantity (count, ...) and whether each row is finite; sparse matrices as dense arrays."""
     function = model.function(quantity)
-    if not any(name in given.rows for name in function.arguments):
-        found, is_good = _compute_each(model, quantity, replace(given, count=1, rows={}))
-        found = np.repeat(found, given.count, axis=0)
-        is_good = np.repeat(is_good, given.count)
+    if not any(name in case_arguments.rows for name in function.arguments):
+        values, is_good = _compute_each(model, quantity, replace(case_arguments, count=1, rows={}))
+        values = np.repeat(values, case_arguments.count, axis=0)
+        is_good = np.repeat(is_good, case_arguments.count)
     elif model.library.batch_width:
-        answer, status = model.compute_batch(quantity, threads=threads, on_error="status", **given.all)
-        found, is_good = np.asarray(answer), status == 0
+        answer, status = model.compute_batch(
+            quantity, threads=threads, on_error="status", **case_arguments.all
+        )
+        values, is_good = np.asarray(answer), status == 0
     else:
-        found, is_good = _compute_each(model, quantity, given)
-    return _fill_pattern(found, function.spec), is_good
+        values, is_good = _compute_each(model, quantity, case_arguments)
+    return _fill_pattern(values, function.spec), is_good
 
 
 def compute_values(
-    model: CompiledModel, names: Iterable[str], given: CaseArguments, threads: int = 1
+    model: CompiledModel, names: Iterable[str], case_arguments: CaseArguments, threads: int = 1
 ) -> dict[str, tuple[RealArray, BoolArray]]:
     """Return quantities by name, each as `compute_rows` does, positions of nodes as (count, n_nodes, 3)."""
     return {
-        name: place_rows(model, given, threads)
+        name: place_rows(model, case_arguments, threads)
         if name == POSITION
-        else compute_rows(model, name, given, threads)
+        else compute_rows(model, name, case_arguments, threads)
         for name in names
     }
 
 
-def place_rows(model: CompiledModel, given: CaseArguments, threads: int = 1) -> tuple[RealArray, BoolArray]:
+def place_rows(
+    model: CompiledModel, case_arguments: CaseArguments, threads: int = 1
+) -> tuple[RealArray, BoolArray]:
     """Return positions of all nodes (count, n_nodes, 3) [m], and whether each row is finite."""
     manifest = model.manifest
-    axes, places = list(manifest.axes), manifest.coordinate_place
-    result = np.tile(manifest.stated_position.astype(model.dtype), (given.count, 1, 1))
+    axes, node_axis = list(manifest.axes), manifest.coordinate_place
+    result = np.tile(manifest.stated_position.astype(model.dtype), (case_arguments.count, 1, 1))
     if not manifest.coordinate_node_axis:
-        found, is_good = compute_rows(model, POSITION, given, threads)
-        result[..., axes] = found
+        position, is_good = compute_rows(model, POSITION, case_arguments, threads)
+        result[..., axes] = position
         return result, is_good
-    case_arguments = given.all
-    changeable = next((item for item in manifest.arguments if item.name == "anchor_position"), None)
-    if changeable is not None and "anchor_position" in case_arguments:
+    arguments = case_arguments.all
+    changeable = next(
+        (argument for argument in manifest.arguments if argument.name == "anchor_position"), None
+    )
+    if changeable is not None and "anchor_position" in arguments:
         nodes = np.array([manifest.node_name.index(name) for name in changeable.over])
-        result[:, nodes[:, None], axes] = case_arguments["anchor_position"]
-    result[:, places[:, 0], places[:, 1]] = case_arguments.get("coordinate", model.nominal("coordinate"))
+        result[:, nodes[:, None], axes] = arguments["anchor_position"]
+    result[:, node_axis[:, 0], node_axis[:, 1]] = arguments.get("coordinate", model.nominal("coordinate"))
     return result, np.isfinite(result).all(axis=(1, 2))
 
 
-def _compute_each(model: CompiledModel, quantity: str, given: CaseArguments) -> tuple[RealArray, BoolArray]:
+def _compute_each(
+    model: CompiledModel, quantity: str, case_arguments: CaseArguments
+) -> tuple[RealArray, BoolArray]:
     """Return the values one case after the other; of sparse matrices the non-zeros, (count, n_nonzeros)."""
-    function, rows, shared = model.function(quantity), given.rows, given.shared
-    own = [name for name in function.arguments if name in rows]
+    function, rows, shared = model.function(quantity), case_arguments.rows, case_arguments.shared
+    row_names = [name for name in function.arguments if name in rows]
     values = [shared[name] if name in shared else model.nominal(name) for name in function.arguments]
-    places = {name: function.arguments.index(name) for name in own}
+    indices = {name: function.arguments.index(name) for name in row_names}
     pattern = function.spec.pattern
     shape = (len(pattern.row),) if pattern else function.spec.shape
-    found = np.full((given.count, *shape), np.nan, dtype=model.dtype)
-    is_good = np.ones(given.count, dtype=np.bool_)
-    for k in range(given.count):
-        for name in own:
-            values[places[name]] = rows[name][k]
+    result = np.full((case_arguments.count, *shape), np.nan, dtype=model.dtype)
+    is_good = np.ones(case_arguments.count, dtype=np.bool_)
+    for k in range(case_arguments.count):
+        for name in row_names:
+            values[indices[name]] = rows[name][k]
         try:
-            found[k] = function.values(values, None).reshape(shape)
+            result[k] = function.values(values, None).reshape(shape)
         except NonFiniteError:
             is_good[k] = False
-    return found, is_good
+    return result, is_good
 
 
-def _fill_pattern(found: RealArray, spec: FunctionSpec) -> RealArray:
+def _fill_pattern(values: RealArray, spec: FunctionSpec) -> RealArray:
     """Return dense matrices of the non-zeros of sparse ones, anything else as it is."""
     if spec.pattern is None:
-        return found
+        return values
     column = np.repeat(np.arange(spec.shape[1]), np.diff(spec.pattern.column_start))
-    dense = np.zeros((len(found), *spec.shape), dtype=found.dtype)
-    dense[:, spec.pattern.row, column] = found
+    dense = np.zeros((len(values), *spec.shape), dtype=values.dtype)
+    dense[:, spec.pattern.row, column] = values
     return dense
 
 
@@ -257,16 +269,16 @@ def compute_limit_use(
     if structure is None or not structure.n_members:
         return np.full(count, np.nan)
     values = {name: getattr(structure, name) for name in OF_STIFFNESS}
-    for item in model.manifest.arguments:
-        if item.name in values and item.name in case_arguments.all:
-            array = np.tile(values[item.name], (count, 1))
-            places = [structure.member_name.index(name) for name in item.over]
-            array[:, places] = (
-                case_arguments.rows[item.name][rows]
-                if item.name in case_arguments.rows
-                else case_arguments.shared[item.name]
+    for argument in model.manifest.arguments:
+        if argument.name in values and argument.name in case_arguments.all:
+            array = np.tile(values[argument.name], (count, 1))
+            members = [structure.member_name.index(name) for name in argument.over]
+            array[:, members] = (
+                case_arguments.rows[argument.name][rows]
+                if argument.name in case_arguments.rows
+                else case_arguments.shared[argument.name]
             )
-            values[item.name] = array
+            values[argument.name] = array
     elastic = values["axial_stiffness"] + values["spring_constant"] * values["rest_length"]
     if elastic.ndim == 2:
         elastic = elastic.reshape(count, *(1,) * (tension.ndim - 2), -1)

@@ -1,4 +1,9 @@
-"""The interface of operations of a sweep: needs of a library, results, how a chunk is computed."""
+"""Base classes of analyses, their options and results.
+
+`SceneAnalysis`: an analysis of one scene, from which the command line makes a verb; it returns a `Result`.
+`CaseAnalysis`: an analysis of many cases, of which a sweep computes chunks; it returns a `TaskResult`.
+Most analyses are both. Each is the `ANALYSIS` of a module of `analyses/`.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
@@ -23,7 +28,7 @@ if TYPE_CHECKING:  # options are read without NumPy and without the libraries of
     from tensegrity_codegen.tables.manifest import Manifest
     from tensegrity_codegen.tables.request import ModelRequest
 
-SAME: Any = object()  # a default that is no other
+SAME: Any = object()  # the verb has the default of the sweep
 COORDINATE = "coordinate"
 LIMIT_USE = "limit_use"
 LIMIT_USE_RESULT = (
@@ -35,16 +40,16 @@ LIMIT_USE_RESULT = (
 
 @dataclass(frozen=True)
 class Output:
-    """One array of results; its first axis, the cases, is not counted.
+    """Description of one array of results; dims and shape omit its first axis, the cases.
 
     name: of the array in stored results: letters, digits and underscores.
     dims: names of the axes, such as ``("time", "member")``.
     shape: sizes of the axes.
     dtype: ``"float64"``, ``"float32"`` or ``"int32"``.
     unit: SI unit; ``"1"`` for numbers without one.
-    sentence: what it is.
+    sentence: the meaning of its numbers.
     coordinates: labels of axes, names or numbers, by the name of the axis; an axis without labels has none.
-    expression: the text that was asked for, where it is not the name.
+    expression: the text of `keep`, if it differs from the name.
     """
 
     name: str
@@ -71,7 +76,7 @@ class TaskResult:
     arrays: by the names of outputs, each (count, ...); rows of cases that failed are NAN (-1 in whole
         numbers).
     status (count,): codes of ``analyses.cases.statuses``.
-    messages: a sentence for each case; empty where there is nothing to say.
+    messages: a sentence for each case; empty if nothing is unusual.
     """
 
     arrays: "Mapping[str, NDArray[Any]]"
@@ -89,39 +94,39 @@ class TaskResult:
 def build_result(
     arrays: "Mapping[str, NDArray[Any]]", status: "NDArray[np.int8]", messages: Iterable[str]
 ) -> TaskResult:
-    """Return the result of a chunk, rows of cases that failed being NAN, -1 in whole numbers."""
+    """Return the result of a chunk, with NAN, or -1 in whole numbers, in the rows of failed cases."""
     import numpy as np
 
     from tensegrity_codegen.analyses.cases.statuses import is_good
 
     is_bad = ~is_good(status)
-    kept = dict(arrays)
+    stored = dict(arrays)
     if is_bad.any():
         for name, array in arrays.items():
-            kept[name] = array.copy()
-            kept[name][is_bad] = np.nan if array.dtype.kind == "f" else -1
-    return TaskResult(kept, status, tuple(messages))
+            stored[name] = array.copy()
+            stored[name][is_bad] = np.nan if array.dtype.kind == "f" else -1
+    return TaskResult(stored, status, tuple(messages))
 
 
 @dataclass(frozen=True)
 class Option:
-    """An option of an analysis, in the annotation of its field.
+    """An option of an analysis: metadata in the annotation of a field of its record.
 
-    help: what it is, in the command line, the sweep and the documents.
-    flag: of an option without a value: its name in a sweep, and the value of the field that it stands for.
-    word: its name on the command line and in sweeps, where it is not that of the field.
-    parameter: its name in messages of the library, where it is not that of the field.
-    least: smallest value of a whole number.
+    help: description in the command line, the sweep and the documents.
+    flag: of an option without a value: its name, and the value that it gives to the field.
+    argument_name: its name on the command line and in sweeps, if it differs from that of the field.
+    parameter: its name in messages of the library, if it differs from that of the field.
+    minimum: smallest value of a whole number.
     in_verb, in_sweep: whether the verb of the analysis, and the sweep, have it.
-    verb_default: default in the verb, where it is another than in sweeps; `...`: it must be stated.
-    name, type, default: of the field, which `AnalysisRecord.list_options` fills in.
+    verb_default: default in the verb, if it differs from that in sweeps; `...`: it must be stated.
+    name, type, default: of the field; `AnalysisRecord.list_options` fills them in.
     """
 
     help: str
     flag: tuple[str, Any] | None = None
-    word: str = ""
+    argument_name: str = ""
     parameter: str = ""
-    least: int | None = None
+    minimum: int | None = None
     in_verb: bool = True
     in_sweep: bool = True
     verb_default: Any = SAME
@@ -131,23 +136,23 @@ class Option:
 
     @property
     def argument(self) -> str:
-        """Its argument of the command line: its own name, that of its flag, or its word."""
-        return self.flag[0] if self.flag else self.word or self.name
+        """Its name on the command line: of its flag, the stated one, or that of the field."""
+        return self.flag[0] if self.flag else self.argument_name or self.name
 
     @property
     def kind(self) -> type:
-        """Its type, int, float or str, of values that are read from a text."""
+        """The type, int, float or str, of a value that is read from text."""
         types = get_args(self.type) if get_origin(self.type) in (Union, UnionType) else (self.type,)
         return next((kind for kind in (int, float) if kind in types), str)
 
 
 @dataclass(frozen=True)
 class ResultFile:
-    """A file that the verb of an analysis can write.
+    """An option of a verb that names a file to write.
 
-    name: of the option; endings: allowed, such as ``".toml"``.
-    draws: whether pictures are drawn in it; may_be_scene: whether it may replace the scene.
-    key: of its path in the JSON; None: its name; empty: the result names it elsewhere.
+    name: of the option; endings: those allowed, such as ``".toml"``.
+    draws: whether the file contains pictures; may_be_scene: whether it may replace the scene.
+    key: of its path in the JSON; None: the name of the option; empty: `Result.as_dict` contains the path.
     is_list: whether the option may be repeated; its value is a list then.
     """
 
@@ -161,21 +166,21 @@ class ResultFile:
 
 
 class Result(ABC):
-    """The answer for one case: a record with everything that is known of it."""
+    """The answer of an analysis for one scene; the verb prints it, or writes its JSON."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences about what may be unexpected."""
+        """Sentences about unexpected properties of the answer."""
         return ()
 
     @property
     def failure(self) -> str:
-        """Sentence that is said after an answer that is not what was asked for; else empty."""
+        """The sentence that the verb prints last if the analysis failed; else empty."""
         return ""
 
     @property
     def is_good(self) -> bool:
-        """Whether the answer is what was asked for: exit code 0, else 3."""
+        """Whether the analysis succeeded: exit code 0, else 3."""
         return not self.failure
 
     @property
@@ -184,104 +189,103 @@ class Result(ABC):
         return False
 
     def write(self, name: str, path: "Path", *, overwrite: bool) -> bool:
-        """Write the file of an option, before the answer is printed; return whether it was written."""
+        """Write the file of the option `name` before the answer is printed; return whether it exists."""
         raise NotImplementedError(name)
 
     @abstractmethod
     def as_dict(self) -> dict[str, Any]:
-        """Return the answer, JSON-ready, the status among it; paths of files are added."""
+        """Return the answer, JSON-ready, with its status; the verb adds the paths of files."""
 
     @abstractmethod
     def describe(self) -> list[Any]:
-        """Return the answer for a reader: sentences and tables."""
+        """Return the answer as text: sentences and tables."""
 
 
 @dataclass(frozen=True)
 class AnalysisRecord(ABC):
-    """An analysis: its options, and its answer for one scene.
+    """An analysis: a record of its options, the fields with an `Option` in their annotations.
 
-    One module of `analyses/` defines each as its `ANALYSIS`. Its fields with an `Option` in their annotations
-    are its options by every door: Python, the verb, the sweep. The docstring of a record with a verb is the
-    help of the verb.
+    The options are the same in Python, in the verb and in the sweep.
     """
 
     name: ClassVar[str]  # of the verb, and as in `--do NAME`
-    has_verb: ClassVar[bool] = True  # whether the command line has a verb of this name, for one case
-    # Of records whose verb is made from them: its place in `--help`, what it takes besides the options, what
-    # it writes.
-    verb_order: ClassVar[int | None] = None
-    takes: ClassVar[tuple[str, ...]] = ()  # of "load", "input", "flags", "strict"
-    files: ClassVar[tuple[ResultFile, ...]] = ()
-
-    @property
-    def settles(self) -> bool:
-        """Whether the equilibrium is looked for first."""
-        return True
-
-    def check_files(self, paths: "Mapping[str, Any]") -> None:
-        """Raise InvalidValueError where options and files do not belong together.
-
-        paths: of the files that are asked for, by their options; a list where an option may be repeated.
-        """
-        return
-
-    def prepare_structure(self, structure: "Subject") -> "Subject":
-        """Return the structure whose inputs the command states, such as one with further actuators."""
-        return structure
-
-    def solve(self, case: "SceneCase") -> Result:
-        """Return the answer for one scene; raises what its steps raise."""
-        raise NotImplementedError(self.name)
 
     @classmethod
     def list_options(cls) -> tuple[Option, ...]:
-        """Return its options in their order."""
+        """Return the options in the order of their fields."""
         hints = get_type_hints(cls, include_extras=True)
         options = []
-        for item in fields(cls):
-            stated = [part for part in get_args(hints[item.name]) if isinstance(part, Option)]
-            if stated:
-                type_ = get_args(hints[item.name])[0]
-                options.append(
-                    replace(
-                        stated[0],
-                        parameter=stated[0].parameter or item.name,
-                        name=item.name,
-                        type=type_,
-                        default=item.default,
+        for option_field in fields(cls):
+            name = option_field.name
+            # Annotated[type, Option(...)]
+            type_, *metadata = get_args(hints[name]) or (None,)
+            for option in metadata:
+                if isinstance(option, Option):
+                    parameter = option.parameter or name
+                    default = option_field.default
+                    options.append(
+                        replace(option, parameter=parameter, name=name, type=type_, default=default)
                     )
-                )
         return tuple(options)
 
 
 @dataclass(frozen=True)
-class CaseAnalysis(AnalysisRecord):
-    """An analysis that serves many cases too: one object serves all, and processes hand it on by pickling.
+class SceneAnalysis(AnalysisRecord):
+    """An analysis of one scene, with a verb in the command line; its docstring is the help of the verb."""
 
-    keep: what is kept of each case of a sweep; empty for the usual results.
+    verb_order: ClassVar[int]  # the verbs of `--help` are sorted by it
+    takes: ClassVar[tuple[str, ...]] = ()  # further options of the verb: "load", "input", "flags", "strict"
+    files: ClassVar[tuple[ResultFile, ...]] = ()  # that the verb can write
+
+    @property
+    def settles(self) -> bool:
+        """Whether the analysis begins with the search for the equilibrium."""
+        return True
+
+    def check_files(self, paths: "Mapping[str, Any]") -> None:
+        """Raise InvalidValueError for options and files that exclude or need each other.
+
+        paths: of the files to write, by their options; a list for an option that may be repeated.
+        """
+        return
+
+    def prepare_structure(self, structure: "Subject") -> "Subject":
+        """Return the structure with the inputs that options add, such as further actuators."""
+        return structure
+
+    @abstractmethod
+    def solve(self, case: "SceneCase") -> Result:
+        """Return the answer for one scene."""
+
+
+@dataclass(frozen=True)
+class CaseAnalysis(AnalysisRecord):
+    """An analysis of many cases: one record serves all of them, and processes exchange it by pickling.
+
+    keep: names or expressions of the results that a sweep stores for each case; empty: the default ones.
     """
 
     keep: tuple[str, ...] = ()
 
-    success_phrase: ClassVar[str] = "are ok"  # what is said of good cases, as in "12 of 12 cases converged"
+    success_phrase: ClassVar[str] = "are ok"  # the end of a sentence such as "12 of 12 cases converged"
     needs_scene: ClassVar[bool] = False  # whether a case needs the unchanged scene too, see `prepared`
 
     @property
     def analyses(self) -> tuple[str, ...]:
-        """Names of the analyses that are done, as of `compile_scene`."""
+        """Names of the functions that the library must serve, as in `compile_scene(for_=...)`."""
         return (self.name,)
 
     @property
     def not_checked(self) -> str:
-        """What the verb says of one case and the sweep does not compute, and what to keep for it; or ""."""
+        """A sentence about a check that the verb makes and the sweep omits, and how to request it; or ""."""
         return ""
 
     def prepared(self, scene: "str | Path | Mapping[str, Any] | Scene") -> "CaseAnalysis":
-        """Return the operation with what it makes of the unchanged scene once, before all cases."""
+        """Return the operation with its preparation from the unchanged scene, done once before all cases."""
         return self
 
     def check_keep(self, results: Iterable[str]) -> None:
-        """Raise UnknownNameError or DuplicateNameError where something else, or one thing twice, is kept."""
+        """Raise UnknownNameError for an unknown result in `keep`, DuplicateNameError for a repeated one."""
         for name in self.keep:
             check_choice(name, results, f"result of {self.name}", f"keep {name!r}")
         if len(set(self.keep)) < len(self.keep):
@@ -289,35 +293,35 @@ class CaseAnalysis(AnalysisRecord):
 
     @abstractmethod
     def needs(self, structure: "Subject", request: "ModelRequest") -> "Needs":
-        """Return what the operation needs of a library besides what the scene requests.
+        """Return the functions that the operation calls, to be added to those that the scene requests.
 
-        Raises InvalidValueError, UnknownNameError: something that cannot be kept; FormulationError: the
+        Raises InvalidValueError, UnknownNameError: an invalid entry of `keep`; FormulationError: the
         structure or its formulation does not serve the operation.
         """
 
     @abstractmethod
     def outputs(self, manifest: "Manifest") -> tuple[Output, ...]:
-        """Return what is kept of each case, in the order of the stored arrays; raises as `needs`."""
+        """Return descriptions of the stored arrays, in their order; raises as `needs`."""
 
     @abstractmethod
     def compute(
         self, model: "CompiledModel", case_arguments: "CaseArguments", outcomes: "Outcomes", threads: int
     ) -> "Mapping[str, NDArray[Any]]":
-        """Return the arrays of a chunk of cases by the names of outputs, and note how each case ended."""
+        """Return the arrays (count, ...) of a chunk by the names of outputs; mark failures in `outcomes`."""
 
     def run(
         self, model: "CompiledModel", arguments: Mapping[str, Any], count: int, *, threads: int = 1
     ) -> TaskResult:
         """Compute a chunk of cases.
 
-        model: a library that has what `needs` returns.
+        model: a library with the functions that `needs` returns.
         arguments: ``"coordinate"``, ``"velocity"``, run-time parameters and inputs by name, each with a
-            leading axis (count,), or without it where all cases share a value; by default those of the scene.
+            leading axis (count,), or without it if all cases share a value; by default those of the scene.
         count: number of cases.
         threads: number of threads.
-        Returns one row a case; a case that fails does not affect the others. Raises InvalidValueError,
-        UnknownNameError: an argument that no case could have: an unknown name, a wrong shape; LibraryError,
-        FormulationError: the library does not serve the operation.
+        Returns one row for each case; a case that fails does not affect the others. Raises InvalidValueError,
+        UnknownNameError: an argument with an unknown name or a wrong shape; LibraryError, FormulationError:
+        the library does not serve the operation.
         """
         from tensegrity_codegen.analyses.cases.quantities import read_case_arguments
 
@@ -327,15 +331,15 @@ class CaseAnalysis(AnalysisRecord):
         return build_result(arrays, outcomes.codes, outcomes.messages)
 
     def describe(self) -> dict[str, Any]:
-        """Return name and options, JSON-ready; two operations with the same description do the same."""
+        """Return name and options, JSON-ready; operations with equal descriptions give equal results."""
         return {"do": self.name, "keep": list(self.keep), **self.options}
 
     @property
     def options(self) -> dict[str, Any]:
         """Values of its options in sweeps by name."""
-        return {item.name: getattr(self, item.name) for item in self.list_options() if item.in_sweep}
+        return {option.name: getattr(self, option.name) for option in self.list_options() if option.in_sweep}
 
     @classmethod
     def list_sweep_options(cls) -> tuple[Option, ...]:
         """Return the options that a sweep has."""
-        return tuple(item for item in cls.list_options() if item.in_sweep)
+        return tuple(option for option in cls.list_options() if option.in_sweep)

@@ -1,14 +1,16 @@
-"""A scene with what one question adds to it: values of inputs, loads, and the compiler of its libraries."""
+"""A scene with the values of inputs, loads and the compiler that one command states."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.pipeline.analyses import find_needs
 from tensegrity_codegen.pipeline.build_library import FEW_CALLS, BuiltLibrary, build_library
+from tensegrity_codegen.pipeline.settle import with_statics
 from tensegrity_codegen.structure.bodies import BodySystem
 
 if TYPE_CHECKING:
@@ -20,15 +22,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class SceneCase:
-    """One case of an analysis, from its scene.
+    """The scene of an analysis, with the options that all analyses share.
 
-    inputs: values of inputs by name, where they differ from the scene.
-    load (n_nodes, 3) [N]: added to the loads of the scene; load_texts: how the command states it.
-    warn: called with sentences about what may be unexpected.
-    command: the command that asks, for pages that name it.
+    inputs: values of inputs by name, if they differ from the scene.
+    load (n_nodes, 3) [N]: added to the loads of the scene; load_texts: the values of `--load`.
+    warn: called with warnings, a sentence each.
+    command: the text of the command, for pages that quote it.
     whole: whether tables are printed with all their rows.
-    files: paths of the files that are asked for, by their options.
-    name_options: returns texts with arguments of Python named as the door that asks names them.
+    files: paths of the files to write, by their options.
+    name_options: replaces names of arguments of Python in texts by those of options.
     """
 
     subject: "Subject"
@@ -52,19 +54,25 @@ class SceneCase:
         """Return the library for a number of evaluations; raises as `build_library`."""
         return build_library(subject, request, compiler=self.compiler, flags=self.flags, calls=calls)
 
-    def settle(self, model: "CompiledModel") -> "Equilibrium":
-        """Return the equilibrium about which an analysis is done, as exact as vibrations need it.
+    def build_statics(self, structure: "Subject") -> "CompiledModel":
+        """Return the library for the search for equilibria, with all loads as arguments."""
+        loads = {"node_load": tuple(range(structure.n_nodes))}
+        statics = replace(with_statics(structure, self.request), parameters=loads)
+        return self.build(structure, find_needs("equilibrium", structure, statics).alone(statics))
 
-        What is unexpected in it, such as that the structure snapped on the way there, is a warning.
+    def settle(self, model: "CompiledModel") -> "Equilibrium":
+        """Return the equilibrium of the scene, accurate enough for its vibrations, after its warnings.
+
+        Warnings say, for example, that the structure snapped on the way to it.
         """
         from tensegrity_codegen.runtime.paths.find_equilibrium import find_equilibrium
         from tensegrity_codegen.runtime.statics.equilibrium import choose_tolerance
 
-        # What is left of the forces turns neutral motions into slow ones.
+        # Residual forces would turn neutral motions into slow ones.
         tolerance = choose_tolerance(self.subject)
-        found = find_equilibrium(model, arguments=self.arguments, tolerance=tolerance)
-        self.warn(*found.warnings)
-        return found
+        equilibrium = find_equilibrium(model, arguments=self.arguments, tolerance=tolerance)
+        self.warn(*equilibrium.warnings)
+        return equilibrium
 
     @cached_property
     def added_load(self) -> NDArray[np.float64]:
@@ -79,7 +87,7 @@ class SceneCase:
 
     @property
     def arguments(self) -> dict[str, Any]:
-        """Inputs, and loads where some are added, as arguments of a library."""
+        """Inputs, and loads if some are added, as arguments of a library."""
         loads = {"node_load": self.node_load} if self.added_load.any() else {}
         return {**self.inputs, **loads}
 
@@ -88,5 +96,5 @@ class SceneCase:
         """Parts "NODE.axis" of the added loads that go straight into a support."""
         if isinstance(self.subject, BodySystem):
             return []
-        places = np.argwhere((self.added_load != 0.0) & self.subject.node_anchored)
-        return [f"{self.subject.node_name[node]}.{'xyz'[axis]}" for node, axis in places]
+        indices = np.argwhere((self.added_load != 0.0) & self.subject.node_anchored)
+        return [f"{self.subject.node_name[node]}.{'xyz'[axis]}" for node, axis in indices]

@@ -34,15 +34,15 @@ NOT_COMPUTED = "not_computed"  # the word of cases whose task is not finished
 # The words of cases whose results are there; rows of all others are NAN.
 GOOD = ("ok", "converged", "rounding_limited")
 
-_CODE = {word: code for code, word in enumerate(STATUSES)}
-_IS_GOOD = np.array([word in GOOD for word in STATUSES])
+_CODE = {status: code for code, status in enumerate(STATUSES)}
+_IS_GOOD = np.array([status in GOOD for status in STATUSES])
 
 
-def encode_status(word: str) -> int:
+def encode_status(status: str) -> int:
     """Return the code of one word; raises UnknownNameError for a word that no operation uses."""
-    if word not in _CODE:
-        check_choice(word, STATUSES, "status", "status")
-    return _CODE[word]
+    if status not in _CODE:
+        check_choice(status, STATUSES, "status", "status")
+    return _CODE[status]
 
 
 def is_good(codes: StatusArray) -> NDArray[np.bool_]:

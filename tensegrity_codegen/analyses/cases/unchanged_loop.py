@@ -29,37 +29,40 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 @dataclass(frozen=True, eq=False)
 class UnchangedLoop:
-    """The controller of the unchanged scene, and what disturbs it.
+    """The controller of the unchanged scene, and its disturbances.
 
-    model, request: of the unchanged scene, which another process builds again; parts, files: the controller,
-    and its text in C; drawn: errors at the start of each draw; t_end, last [s]: simulated time, and that
-    before its end in which errors count.
+    model, request: of the unchanged scene; another process builds the model again. controller, files: the
+    controller, and its text in C; drawn: errors at the start of each draw; t_end, error_window [s]: the
+    simulated time, and the time before its end in which errors count.
     """
 
     model: CompiledModel
     request: ModelRequest
-    parts: ControllerParts
+    controller: ControllerParts
     files: ControllerFiles
     drawn: tuple[DrawnErrors, ...]
     t_end: float
-    last: float
+    error_window: float
 
     def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"model": self.model.structure, "parts": _with_model(self.parts, None)}
+        return self.__dict__ | {
+            "model": self.model.structure,
+            "controller": _with_model(self.controller, None),
+        }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         model = build_library(state["model"], state["request"], calls=MANY_CALLS).load()
-        self.__dict__.update(state | {"model": model, "parts": _with_model(state["parts"], model)})
+        self.__dict__.update(state | {"model": model, "controller": _with_model(state["controller"], model)})
 
 
 def _with_model(parts: ControllerParts, model: Any) -> ControllerParts:
     """Return the parts with another model, or none, that estimator and distribution know."""
-    senses, spread = parts.estimator, parts.distribution
-    if senses is not None:
-        senses = replace(senses, sensing=replace(senses.sensing, model=model))
-    if spread is not None:
-        spread = replace(spread, model=model)
-    return replace(parts, estimator=senses, distribution=spread)
+    estimator, distribution = parts.estimator, parts.distribution
+    if estimator is not None:
+        estimator = replace(estimator, sensing=replace(estimator.sensing, model=model))
+    if distribution is not None:
+        distribution = replace(distribution, model=model)
+    return replace(parts, estimator=estimator, distribution=distribution)
 
 
 class SweptPlant:
@@ -67,7 +70,7 @@ class SweptPlant:
 
     def __init__(self, model: CompiledModel, design: UnchangedLoop) -> None:
         self.model, self.design = model, design
-        self.count = count_samples(design.t_end, design.parts.sample)
+        self.count = count_samples(design.t_end, design.controller.sample)
         self.loops: dict[bytes, CompiledLoop] = {}
 
     def run(
@@ -75,44 +78,44 @@ class SweptPlant:
     ) -> ControlRun:
         """Return the run of a draw; raises InvalidValueError for a structure with other coordinates.
 
-        own: arguments of the model; its start is that of the motion, with what the case adds to it.
-        loops: delays and rates of the actuators and noise of the sensors of the scene, and gusts, where they
+        own: arguments of the model; its start is that of the motion, with the changes of the case added.
+        loops: delays and rates of the actuators and noise of the sensors of the scene, and gusts, if they
         vary between cases.
         """
-        design, parts = self.design, self.design.parts
-        known = parts.gains if parts.mpc is None else parts.mpc.gains
-        check_parts(self.model.manifest, parts.motion, known, parts.estimator, None)
-        given = {name: value for name, value in own.items() if name not in ("coordinate", "velocity")}
+        design, controller = self.design, self.design.controller
+        gains = controller.gains if controller.mpc is None else controller.mpc.gains
+        check_parts(self.model.manifest, controller.motion, gains, controller.estimator, None)
+        arguments = {name: value for name, value in own.items() if name not in ("coordinate", "velocity")}
         state = Disturbance(
             coordinate_error=design.drawn[draw].coordinate + self._find_change(own, "coordinate"),
             velocity_error=self._find_change(own, "velocity"),
-            arguments=given,
+            arguments=arguments,
             gust=self._find_gusts(loops),
             seed=int(np.random.SeedSequence([seed, draw]).generate_state(1)[0]),
         )
-        start = read_disturbance(self.model, parts.motion, state)
+        start = read_disturbance(self.model, controller.motion, state)
         structure = self.model.structure
         assert structure is not None  # libraries of a sweep have theirs
-        noise = loops.get("sensor_noise", np.array([item.noise for item in structure.sensors]))
-        sensing = None if parts.estimator is None else self._find_sensing(noise)
-        names = [item.name for item in structure.actuators]
-        places = [names.index(name) for name in parts.bounds.names]
-        delay = loops.get("actuator_delay", np.array([item.delay for item in structure.actuators]))
-        rate = loops.get("actuator_rate", np.array([item.rate for item in structure.actuators]))
-        limits = ActuatorLimits(delay=delay[places], rate=rate[places])
-        bounds = find_bounds(self.design.model, parts.motion, limits, may_lag=True)
+        noise = loops.get("sensor_noise", np.array([sensor.noise for sensor in structure.sensors]))
+        sensing = None if controller.estimator is None else self._find_sensing(noise)
+        names = [actuator.name for actuator in structure.actuators]
+        rows = [names.index(name) for name in controller.bounds.names]
+        delay = loops.get("actuator_delay", np.array([actuator.delay for actuator in structure.actuators]))
+        rate = loops.get("actuator_rate", np.array([actuator.rate for actuator in structure.actuators]))
+        limits = ActuatorLimits(delay=delay[rows], rate=rate[rows])
+        bounds = find_bounds(self.design.model, controller.motion, limits, may_lag=True)
         return self._find_loop(sensing).run(start, self.count, bounds)
 
     def _find_gusts(self, loops: Mapping[str, FloatArray]) -> list[Gust]:
         """Return the gusts of a case; raises InvalidValueError for one after the simulated time."""
         assert self.model.structure is not None
-        manifest, none = self.model.manifest, build_no_gust(self.model.structure)
-        force, time = none[GUST], loops.get(GUST_TIME, none[GUST_TIME])
+        manifest, no_gust = self.model.manifest, build_no_gust(self.model.structure)
+        force, time = no_gust[GUST], loops.get(GUST_TIME, no_gust[GUST_TIME])
         force[:, list(manifest.axes)] = loops.get(GUST, 0.0)
         rows = [(manifest.node_name[k], *force[k].tolist()) for k in np.flatnonzero(force.any(axis=1))]
-        found = [Gust(name, (x, y, z), *time.tolist()) for name, x, y, z in rows]
-        check_gust_times(found, self.design.t_end)
-        return found
+        gusts = [Gust(name, (x, y, z), *time.tolist()) for name, x, y, z in rows]
+        check_gust_times(gusts, self.design.t_end)
+        return gusts
 
     def _find_change(self, own: Mapping[str, Any], name: str) -> FloatArray:
         """Return by how much the start of the case differs from that of the unchanged scene."""
@@ -120,23 +123,24 @@ class SweptPlant:
         return np.asarray(own.get(name, self.model.nominal(name)), dtype=np.float64) - before
 
     def _find_sensing(self, noise: FloatArray) -> Sensing:
-        """Return what the sensors of the case measure; noise: of each sensor of the scene."""
-        estimator = self.design.parts.estimator
+        """Return the sensing of the case; noise: of each sensor of the scene."""
+        estimator = self.design.controller.estimator
         assert estimator is not None
-        known = estimator.sensing
+        sensing = estimator.sensing
         # Each sensor measures one number for each member, or for each axis of a node.
         axes = len(self.model.manifest.axes)
         sizes = [
-            len(item.targets) * (1 if item.kind.startswith("member_") else axes) for item in known.sensors
+            len(sensor.targets) * (1 if sensor.kind.startswith("member_") else axes)
+            for sensor in sensing.sensors
         ]
-        return replace(known, model=self.model, noise=np.repeat(noise, sizes))
+        return replace(sensing, model=self.model, noise=np.repeat(noise, sizes))
 
     def _find_loop(self, sensing: Sensing | None) -> CompiledLoop:
         """Return the loop in C with the noise of the sensors."""
-        parts = self.design.parts
+        controller = self.design.controller
         key = b"" if sensing is None else sensing.noise.tobytes()
         if key not in self.loops:
-            if parts.estimator is not None and sensing is not None:
-                parts = replace(parts, estimator=replace(parts.estimator, sensing=sensing))
-            self.loops[key] = CompiledLoop(self.model, parts, self.design.files, None)
+            if controller.estimator is not None and sensing is not None:
+                controller = replace(controller, estimator=replace(controller.estimator, sensing=sensing))
+            self.loops[key] = CompiledLoop(self.model, controller, self.design.files, None)
         return self.loops[key]

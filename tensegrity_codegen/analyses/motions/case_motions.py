@@ -1,4 +1,4 @@
-"""The motions of many cases, several in the lanes of a core, and what a sweep keeps of them."""
+"""The motions of many cases, several in the lanes of a core, and the results that a sweep stores."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -56,24 +56,26 @@ RESULTS = {
 
 
 def list_texts(keep: tuple[str, ...]) -> tuple[KeptText, ...]:
-    """Return what is kept of each motion, parsed; nothing stated: DEFAULT_RESULTS."""
+    """Return the parsed texts of `keep`, by default DEFAULT_RESULTS."""
     return parse_kept(keep or DEFAULT_RESULTS, tuple(RESULTS), over_time=True)
 
 
 def select_sampled(texts: tuple[KeptText, ...]) -> tuple[KeptText, ...]:
     """Return the texts that are computed from samples."""
-    return tuple(text for text in texts if text.expression not in RESULTS)
+    return tuple(kept_text for kept_text in texts if kept_text.expression not in RESULTS)
 
 
 def list_outputs(analysis: MotionAnalysis, manifest: Manifest) -> tuple[Output, ...]:
-    """Return one array for each thing that is kept."""
+    """Return descriptions of the stored arrays."""
     bound = _bind(analysis, manifest)
     time = np.linspace(0.0, analysis.t_end, analysis.samples)
     return tuple(
-        reduce_output(text, bound[text.name].output, time)
-        if text.name in bound
-        else Output(text.name, (), (), *RESULTS[text.expression], expression=text.text_beside_name)
-        for text in list_texts(analysis.keep)
+        reduce_output(kept_text, bound[kept_text.name].output, time)
+        if kept_text.name in bound
+        else Output(
+            kept_text.name, (), (), *RESULTS[kept_text.expression], expression=kept_text.text_beside_name
+        )
+        for kept_text in list_texts(analysis.keep)
     )
 
 
@@ -84,7 +86,7 @@ def compute_motions(
     outcomes: Outcomes,
     threads: int,
 ) -> Mapping[str, NDArray[Any]]:
-    """Return what is kept of the motions, integrated in blocks whose samples fit into little memory."""
+    """Return the results of the motions, integrated in blocks whose samples fit into little memory."""
     manifest = model.manifest
     require_double(manifest, "an integration from Python")
     bound = _bind(analysis, manifest)
@@ -93,7 +95,7 @@ def compute_motions(
     # How many motions are integrated at a time: a whole number of lanes.
     nodes, members = len(manifest.node_name), len(manifest.member_name)
     numbers = 4 * len(manifest.coordinate_name) + 6 * nodes + members + 2
-    numbers += sum(int(np.prod(kept.output.shape)) for kept in bound.values())
+    numbers += sum(int(np.prod(kept_result.output.shape)) for kept_result in bound.values())
     width = max(manifest.batch_width, 1)
     size = width * max(1, MAX_BYTES // (8 * numbers * analysis.samples * width))
     for start in range(0, case_arguments.count, size):
@@ -105,8 +107,8 @@ def compute_motions(
 
 
 def _bind(analysis: MotionAnalysis, manifest: Manifest) -> dict[str, Kept]:
-    kept = bind_kept(select_sampled(list_texts(analysis.keep)), _with_velocity(manifest))
-    return {item.text.name: item for item in kept}
+    kept_results = bind_kept(select_sampled(list_texts(analysis.keep)), _with_velocity(manifest))
+    return {kept_result.kept_text.name: kept_result for kept_result in kept_results}
 
 
 def _integrate(
@@ -114,10 +116,10 @@ def _integrate(
 ) -> BatchTrajectory:
     """Return the motions of a block of cases."""
     states = ("coordinate", "velocity")
-    own = {name: array[rows] for name, array in case_arguments.rows.items()}
+    arguments = {name: array[rows] for name, array in case_arguments.rows.items()}
     start = {name: case_arguments.shared[name] for name in states if name in case_arguments.shared}
-    start |= {name: own.pop(name) for name in states if name in own}
-    if not (own or any(name in case_arguments.rows for name in start)):  # all motions are the same
+    start |= {name: arguments.pop(name) for name in states if name in arguments}
+    if not (arguments or any(name in case_arguments.rows for name in start)):  # all motions are the same
         count = rows.stop - rows.start
         start["coordinate"] = np.tile(start.get("coordinate", model.nominal("coordinate")), (count, 1))
     shared = {name: array for name, array in case_arguments.shared.items() if name not in start}
@@ -130,7 +132,7 @@ def _integrate(
         stepping=Stepping(analysis.step, analysis.atol, analysis.max_steps, control=analysis.control),
         coordinate=start.get("coordinate"),
         velocity=start.get("velocity"),
-        arguments={**shared, **own},
+        arguments={**shared, **arguments},
         threads=threads,
     )
 
@@ -145,22 +147,22 @@ def _keep(
     arrays: Mapping[str, NDArray[Any]],
     threads: int,
 ) -> None:
-    """Write what is kept of a block of motions into its rows of the arrays."""
-    names = dict.fromkeys(name for kept in bound.values() for name in kept.names)
+    """Write the results of a block of motions into its rows of the arrays."""
+    names = dict.fromkeys(name for kept_result in bound.values() for name in kept_result.names)
     values = _sample(model, batch, case_arguments, rows, tuple(names), threads)
     shape = (len(batch), len(batch.time))
     values["time"] = np.broadcast_to(batch.time, shape)
-    for text in list_texts(analysis.keep):
-        if text.name in bound:
-            samples = bound[text.name].evaluate(values, shape)
-            arrays[text.name][rows] = reduce_values(text, samples, batch.time)
-        elif text.expression == LIMIT_USE:
+    for kept_text in list_texts(analysis.keep):
+        if kept_text.name in bound:
+            samples = bound[kept_text.name].evaluate(values, shape)
+            arrays[kept_text.name][rows] = reduce_values(kept_text, samples, batch.time)
+        elif kept_text.expression == LIMIT_USE:
             length = model.manifest.strands.lengths(batch.node_position)
-            arrays[text.name][rows] = compute_limit_use(
+            arrays[kept_text.name][rows] = compute_limit_use(
                 model, case_arguments, rows, batch.member_tension, length
             )
         else:
-            arrays[text.name][rows] = getattr(batch, text.expression)
+            arrays[kept_text.name][rows] = getattr(batch, kept_text.expression)
 
 
 def _sample(
@@ -174,9 +176,9 @@ def _sample(
     """Return quantities at all samples of a block of motions, (count, n_t, ...)."""
     shape = (len(batch), len(batch.time))
     values: dict[str, NDArray[Any]] = {}
-    others = [name for name in names if name not in (POSITION, VELOCITY, *SAMPLED)]
+    computed_names = [name for name in names if name not in (POSITION, VELOCITY, *SAMPLED)]
     states: dict[str, NDArray[Any]] = {}
-    if others:
+    if computed_names:
         states = {
             name: np.repeat(array[rows], shape[1], axis=0) for name, array in case_arguments.rows.items()
         }
@@ -188,9 +190,9 @@ def _sample(
         elif name in (POSITION, *SAMPLED):
             values[name] = getattr(batch, name)
         else:
-            given = replace(case_arguments, count=shape[0] * shape[1], rows=states)
-            found, _ = compute_rows(model, name, given, threads)
-            values[name] = found.reshape(*shape, *found.shape[1:])
+            sample_arguments = replace(case_arguments, count=shape[0] * shape[1], rows=states)
+            computed, _ = compute_rows(model, name, sample_arguments, threads)
+            values[name] = computed.reshape(*shape, *computed.shape[1:])
     return values
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.structure.member_limits import MemberFlaws
 
 MAX_EVENTS = 10  # in the text
-# What is said of an event by its kind and direction.
+# The word for an event of a kind and direction.
 EVENTS = {
     ("cable", 1): "taut",
     ("cable", -1): "slack",
@@ -40,7 +40,7 @@ class MotionAnswer(Result):
     """A motion of a scene.
 
     facts: of the run besides the summary of the motion, JSON-ready.
-    stiffer: the motion on a stiffer ground that it is compared with; change: how far nodes are elsewhere.
+    stiffer: the motion on a stiffer ground, for comparison; change: the distances between their nodes.
     """
 
     case: "SceneCase"
@@ -117,7 +117,7 @@ class MotionAnswer(Result):
             **{name: getattr(motion, name)[-1] for name in names},
         )
         write_scene(describe_subject(subject, self.case.request), path, overwrite=overwrite)
-        # Feet stick again where they are; other internal states have no place in a scene.
+        # Feet stick again at their positions; other internal states have no place in a scene.
         lost = [name for name in motion.internal_name if "_stick" not in name]
         if lost:
             self.case.warn(f"{path} begins without internal states: {name_list(lost, most=10)}")
@@ -133,7 +133,7 @@ class BatchAnswer(Result):
 
     @property
     def failure(self) -> str:
-        """How many motions are not good, and what is wrong with the first of them."""
+        """The number of motions that failed, and the message of the first of them."""
         is_ok = self.batch.is_ok
         if is_ok.all():
             return ""
@@ -159,7 +159,7 @@ class BatchAnswer(Result):
         return {**self.batch.summary(), **self.facts}
 
     def describe(self) -> list[Any]:
-        """Return how many motions are good, and what is farthest off."""
+        """Return the number of good motions, and the extremes of all."""
         summary = self.as_dict()
         extremes = _describe_extremes(summary, self.batch.find_flaws())
         return [
@@ -170,7 +170,7 @@ class BatchAnswer(Result):
 
 
 def _say_excess(result: Result) -> str:
-    """Return the opening of the text where members exceed limits or buckle."""
+    """Return the opening of the text if members exceed limits or buckle."""
     return "exceeds limits; " if result.is_beyond else ""
 
 
@@ -178,14 +178,14 @@ def _describe_extremes(summary: Mapping[str, Any], flaws: "MemberFlaws") -> str:
     """Return the largest displacement of a motion, or of many, its tensions, and exceeded limits."""
     from tensegrity_codegen.structure.member_limits import describe_tensions
 
-    text = "no node moves"
+    sentence = "no node moves"
     if summary["largest_displacement"]:
-        text = (
+        sentence = (
             f"node {summary['displaced_node']} moves farthest, {summary['largest_displacement']:.4g} m at "
             f"{summary['displaced_time']:.4g} s"
         )
     tensions = [describe_tensions(summary)] if "cable_tension" in summary else []
-    return "; but ".join(["; ".join([text, *tensions]), *flaws.describe()])
+    return "; but ".join(["; ".join([sentence, *tensions]), *flaws.describe()])
 
 
 def _build_table(summary: Mapping[str, Any], name_options: Callable[[Any], Any]) -> "Table":
@@ -205,5 +205,5 @@ def _describe_events(log: "EventLog", whole: bool) -> list[str]:
         f"{time:.6g} s {name} {EVENTS.get((kind, sign), kind)}"
         for time, kind, name, sign in zip(log.time, log.kind, log.name, log.direction.tolist(), strict=True)
     ][:count]
-    more = f", and {log.count - len(shown)} more (log_time, log_name of the result file)"
-    return [f"events: {', '.join(shown)}{more if log.count > len(shown) else ''}"] if shown else []
+    remainder = f", and {log.count - len(shown)} more (log_time, log_name of the result file)"
+    return [f"events: {', '.join(shown)}{remainder if log.count > len(shown) else ''}"] if shown else []

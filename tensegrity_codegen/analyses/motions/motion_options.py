@@ -1,11 +1,10 @@
-"""Options of the analysis `simulate`, and what they ask of one motion or of many."""
+"""Options of the analysis `simulate`, of one motion or of many."""
 
-from abc import ABC
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from tensegrity_codegen.analyses.cases.record import CaseAnalysis, Option
+from tensegrity_codegen.analyses.cases.record import CaseAnalysis, Option, SceneAnalysis
 from tensegrity_codegen.runtime.integrate.methods import BATCH_METHOD, METHODS
 from tensegrity_codegen.system.errors import UnknownNameError, suggest
 from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
@@ -17,7 +16,7 @@ UNTIL = ("contact",)
 
 
 @dataclass(frozen=True)
-class MotionAnalysis(CaseAnalysis, ABC):
+class MotionAnalysis(SceneAnalysis, CaseAnalysis):
     """An analysis of motions from time 0 on."""
 
     t_end: Annotated[float, Option("simulated time [s].", verb_default=...)] = 1.0
@@ -49,7 +48,7 @@ class MotionAnalysis(CaseAnalysis, ABC):
         str,
         Option(
             "what stays constant: energy, for long undamped motions.",
-            word="keep",
+            argument_name="keep",
             parameter="keep",
             in_sweep=False,
         ),
@@ -79,7 +78,7 @@ class MotionAnalysis(CaseAnalysis, ABC):
 
     @property
     def settles(self) -> bool:
-        """Whether the equilibrium is looked for first."""
+        """Whether the analysis begins with the search for the equilibrium."""
         return self.settle
 
     @property

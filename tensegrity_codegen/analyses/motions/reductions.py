@@ -10,7 +10,7 @@ from tensegrity_codegen.analyses.cases.keep_text import EVERY, FIRST, KeptText
 from tensegrity_codegen.analyses.cases.record import Output
 
 RealArray = NDArray[Any]
-# What is said of a reduction.
+# The sentence about a reduction.
 SENTENCES = {
     "final": "at the end",
     "max": "largest over the samples",
@@ -20,45 +20,44 @@ SENTENCES = {
 }
 
 
-def reduce_output(text: KeptText, output: Output, time: RealArray) -> Output:
+def reduce_output(kept_text: KeptText, output: Output, time: RealArray) -> Output:
     """Return the array of a motion from that of one sample; time: of the samples, (n_t,) [s]."""
-    if text.reduction == FIRST:
-        sentence = (
-            f"First time at which {text.expression} holds, between samples on a straight line; NAN if never."
-        )
+    if kept_text.reduction == FIRST:
+        interpolation = "between samples on a straight line; NAN if never."
+        sentence = f"First time at which {kept_text.expression} holds, {interpolation}"
         return replace(output, unit="s", sentence=sentence)
-    if text.reduction in SENTENCES:
-        return replace(output, sentence=f"{output.sentence.rstrip('.')}: {SENTENCES[text.reduction]}.")
-    kept = time[:: text.step]
-    dim = "time" if text.step == 1 else f"time_{EVERY}_{text.step}"
+    if kept_text.reduction in SENTENCES:
+        return replace(output, sentence=f"{output.sentence.rstrip('.')}: {SENTENCES[kept_text.reduction]}.")
+    times = time[:: kept_text.step]
+    dim = "time" if kept_text.step == 1 else f"time_{EVERY}_{kept_text.step}"
     return replace(
         output,
         dims=(dim, *output.dims),
-        shape=(len(kept), *output.shape),
-        coordinates={**output.coordinates, dim: tuple(kept.tolist())},
+        shape=(len(times), *output.shape),
+        coordinates={**output.coordinates, dim: tuple(times.tolist())},
     )
 
 
-def reduce_values(text: KeptText, values: RealArray, time: RealArray) -> RealArray:
-    """Return what is kept of values (count, n_t, ...) at times (n_t,) [s]."""
-    if text.reduction == FIRST:
+def reduce_values(kept_text: KeptText, values: RealArray, time: RealArray) -> RealArray:
+    """Return the reduction of values (count, n_t, ...) at times (n_t,) [s]."""
+    if kept_text.reduction == FIRST:
         return find_first_time(values, time)
-    if text.reduction == "final":
+    if kept_text.reduction == "final":
         return values[:, -1]
-    if text.reduction == "max":
+    if kept_text.reduction == "max":
         return np.asarray(values.max(axis=1))
-    if text.reduction == "min":
+    if kept_text.reduction == "min":
         return np.asarray(values.min(axis=1))
-    if text.reduction in ("mean", "rms"):
+    if kept_text.reduction in ("mean", "rms"):
         # Weights (n_t,) of the trapezoidal rule that add up to 1.
-        part = np.zeros(len(time))
-        part[1:] += np.diff(time) / 2
-        part[:-1] += np.diff(time) / 2
-        weight = np.asarray(part / part.sum()).reshape(-1, *(1,) * (values.ndim - 2))
-        if text.reduction == "mean":
+        span = np.zeros(len(time))
+        span[1:] += np.diff(time) / 2
+        span[:-1] += np.diff(time) / 2
+        weight = np.asarray(span / span.sum()).reshape(-1, *(1,) * (values.ndim - 2))
+        if kept_text.reduction == "mean":
             return np.asarray((weight * values).sum(axis=1))
         return np.asarray(np.sqrt((weight * values**2).sum(axis=1)))
-    return values[:, :: text.step]
+    return values[:, :: kept_text.step]
 
 
 def find_first_time(values: RealArray, time: RealArray) -> RealArray:
@@ -69,8 +68,8 @@ def find_first_time(values: RealArray, time: RealArray) -> RealArray:
     holds = values > 0
     k = holds.argmax(axis=1)
     before = np.maximum(k - 1, 0)
-    low, high = (np.take_along_axis(values, place[:, None], axis=1)[:, 0] for place in (before, k))
+    low, high = (np.take_along_axis(values, index[:, None], axis=1)[:, 0] for index in (before, k))
     with np.errstate(all="ignore"):
-        part = np.where(k > 0, -low / (high - low), 0.0)
-    first: RealArray = time[before] + part * (time[k] - time[before])
-    return np.asarray(np.where(holds.any(axis=1), first, np.nan))
+        fraction = np.where(k > 0, -low / (high - low), 0.0)
+    crossing: RealArray = time[before] + fraction * (time[k] - time[before])
+    return np.asarray(np.where(holds.any(axis=1), crossing, np.nan))

@@ -1,4 +1,4 @@
-"""Inputs over time of `--profile`: reading, and what they ask of actuators."""
+"""Inputs over time of `--profile`: reading, and warnings of actuators whose limits they exceed."""
 
 import math
 from collections.abc import Mapping
@@ -25,12 +25,12 @@ def read_schedule(
     """Return the inputs over time of a file, None without one, after warnings of actuators that they exceed.
 
     t_end [s]: of the motion; values: constant values of inputs. Raises InvalidValueError for a profile that
-    ends before, or of an input with a constant value, and what read_profile raises.
+    ends before, or of an input with a constant value, and the errors of read_profile.
     """
     check_choice(kind, KINDS, "kind of profile", "--profile-kind")
     if path is None:
         return None
-    profile = read_profile(path, [item.name for item in case.subject.inputs], kind)
+    profile = read_profile(path, [scene_input.name for scene_input in case.subject.inputs], kind)
     check_end(profile, t_end, str(path))
     check_not_constant(profile, values, where=str(path))
     case.warn(*list_excesses(profile, case.subject))

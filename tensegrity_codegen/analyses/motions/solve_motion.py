@@ -36,16 +36,16 @@ LARGE_CHANGE = 0.01  # part of the structure's size above which the comparison i
 
 def solve_motion(analysis: MotionAnalysis, case: "SceneCase") -> MotionAnswer:
     """Return the motion of a scene, and with `ground_check` that on a stiffer ground beside it."""
-    library, given = _prepare(analysis, case)
+    library, run_arguments = _prepare(analysis, case)
     if library.structure is not None:
         interval = analysis.t_end / max(analysis.samples - 1, 1)
         case.warn(*warn_of_sampled_contacts(library.structure, interval))
-    motion = _simulate(analysis, library, given)
+    motion = _simulate(analysis, library, run_arguments)
     facts = {
         "library": str(library.path),
         "t_asked": analysis.t_end,
         "t_stopped": motion.evidence.get(STOPPED_AT),
-        "inputs": {name: value for name, value in given["arguments"].items() if name != "internal"},
+        "inputs": {name: value for name, value in run_arguments["arguments"].items() if name != "internal"},
     }
     if not analysis.ground_check:
         return MotionAnswer(case, motion, facts)
@@ -53,23 +53,23 @@ def solve_motion(analysis: MotionAnalysis, case: "SceneCase") -> MotionAnswer:
     ground = require_ground(case.subject, "--ground-check").ground
     assert ground is not None
     on_stiffer = replace(case, subject=replace(case.subject, ground=ground.stiffen(STIFFER)))
-    other = _simulate(analysis, *_prepare(analysis, on_stiffer))
-    change = compare_motions(motion, other)
+    stiffer = _simulate(analysis, *_prepare(analysis, on_stiffer))
+    change = compare_motions(motion, stiffer)
     if change["change_over_size"] > LARGE_CHANGE:
         case.warn("the motion depends on the stiffness of the ground, see ground check")
-    return MotionAnswer(case, motion, facts, other, {"stiffness_factor": STIFFER, **change})
+    return MotionAnswer(case, motion, facts, stiffer, {"stiffness_factor": STIFFER, **change})
 
 
 def solve_starts(analysis: MotionAnalysis, case: "SceneCase", starts: Path) -> BatchAnswer:
-    """Return the motions from the starts of a file, side by side where the method can."""
+    """Return the motions from the starts of a file, as a batch if the method can."""
     options = analysis.run_options
     schedule = read_schedule(analysis.profile, analysis.profile_kind, analysis.t_end, case, case.inputs)
     needs = find_needs("simulate_batch", case.subject, case.request, method=options.method, rtol=options.rtol)
     library = case.build_library(case.subject, _keeping(analysis, needs.alone(case.request)), MANY_CALLS)
     model = library.load()
-    given = read_starts(starts, model.manifest)
-    _check_given_once(case.inputs, given["arguments"], starts)
-    given["arguments"] |= case.inputs
+    starts_of_file = read_starts(starts, model.manifest)
+    _check_given_once(case.inputs, starts_of_file["arguments"], starts)
+    starts_of_file["arguments"] |= case.inputs
     with work_pass("simulating") as progress:
         batch = simulate_batch(
             model,
@@ -79,7 +79,7 @@ def solve_starts(analysis: MotionAnalysis, case: "SceneCase", starts: Path) -> B
             schedule=schedule,
             progress=progress,
             **options.as_given(),
-            **given,
+            **starts_of_file,
         )
     facts = {"control": options.control, "inputs": dict(case.inputs), "library": str(library.path)}
     return BatchAnswer(case, batch, facts)
@@ -100,7 +100,7 @@ def compare_motions(motion: Trajectory, other: Trajectory) -> dict[str, Any]:
     }
 
 
-def _simulate(analysis: MotionAnalysis, library: BuiltLibrary, given: dict[str, Any]) -> Trajectory:
+def _simulate(analysis: MotionAnalysis, library: BuiltLibrary, run_arguments: dict[str, Any]) -> Trajectory:
     """Return the motion."""
     is_contact, condition = analysis.event
     with work_pass("simulating") as progress:
@@ -110,7 +110,7 @@ def _simulate(analysis: MotionAnalysis, library: BuiltLibrary, given: dict[str, 
             samples=analysis.samples,
             until=Until(condition, is_contact),
             progress=progress,
-            **given,
+            **run_arguments,
             **analysis.run_options.as_given(),
         )
 
@@ -118,10 +118,10 @@ def _simulate(analysis: MotionAnalysis, library: BuiltLibrary, given: dict[str, 
 def _prepare(analysis: MotionAnalysis, case: "SceneCase") -> tuple[BuiltLibrary, dict[str, Any]]:
     """Return the library of a motion; its start (None: of the scene), inputs and schedule, by name."""
     structure = balance_energy(case.subject, case.request)
-    given: dict[str, Any] = {"coordinate": None, "arguments": dict(case.inputs)}
+    run_arguments: dict[str, Any] = {"coordinate": None, "arguments": dict(case.inputs)}
     schedule = read_schedule(analysis.profile, analysis.profile_kind, analysis.t_end, case, case.inputs)
-    given["schedule"] = schedule
-    # The equilibrium that it starts from, with the first values of the schedule; in node positions where
+    run_arguments["schedule"] = schedule
+    # The equilibrium that it starts from, with the first values of the schedule; in node positions if
     # the formulation has no statics.
     at_start = {name: float(values[0]) for name, values in schedule.values.items()} if schedule else {}
     inputs = {**case.inputs, **at_start}
@@ -141,9 +141,9 @@ def _prepare(analysis: MotionAnalysis, case: "SceneCase") -> tuple[BuiltLibrary,
     if settles:
         equilibrium = find_equilibrium(library.load(), arguments=inputs)
         case.warn(*equilibrium.warnings)
-        given["coordinate"] = equilibrium.coordinate
-        given["arguments"] |= equilibrium.internal_argument
-    return library, given
+        run_arguments["coordinate"] = equilibrium.coordinate
+        run_arguments["arguments"] |= equilibrium.internal_argument
+    return library, run_arguments
 
 
 def _request_motion(
@@ -154,18 +154,18 @@ def _request_motion(
     needs = find_needs("simulate", structure, request, method=analysis.method, rtol=analysis.rtol)
     quantities = needs.quantities
     quantities += CONTACT_QUANTITIES if is_contact else ()
-    wanted = request.wanting(*quantities, integrators=needs.integrators)
+    motion_request = request.wanting(*quantities, integrators=needs.integrators)
     if settles:
-        wanted = find_needs("equilibrium", structure, request).besides(wanted)
+        motion_request = find_needs("equilibrium", structure, request).besides(motion_request)
     if is_contact and needs.integrators:  # SciPy's methods look at distances by themselves
-        wanted = request_event(structure, wanted, "contact")
+        motion_request = request_event(structure, motion_request, "contact")
     if condition is not None:
-        wanted = request_event(structure, wanted, "condition", condition)
-    return _keeping(analysis, wanted)
+        motion_request = request_event(structure, motion_request, "condition", condition)
+    return _keeping(analysis, motion_request)
 
 
 def _keeping(analysis: MotionAnalysis, request: ModelRequest) -> ModelRequest:
-    """Return the request with integrators that keep what `--keep` names."""
+    """Return the request with integrators that conserve the quantity of `--keep`."""
     return replace(request, keep=(analysis.conserve,)) if analysis.conserve else request
 
 

@@ -46,9 +46,9 @@ SLOWER = 2.0  # than the shortest motion: the other half of the rates is for fee
 
 @dataclass(frozen=True)
 class HeldMotion:
-    """What is held: a motion to targets, that of a plan in a file, or an equilibrium.
+    """The motion that feedback holds: a motion to targets, that of a plan in a file, or an equilibrium.
 
-    to: targets, as of the verb plan; plan: result file of that verb; actuate: what moves, as of that verb.
+    to: targets, as of the verb plan; plan: result file of that verb; actuate: the actuators, as of that verb.
     duration [s]: of the motion; None: twice the shortest.
     """
 
@@ -63,7 +63,7 @@ class HeldMotion:
         return not self.to and self.plan is None
 
     def check(self, sample: float, t_end: float | None, last: float | None) -> None:
-        """Raise InvalidValueError for two motions, or times that are wrong whatever the motion will be."""
+        """Raise InvalidValueError for two motions, or times that are wrong for every motion."""
         if self.to and self.plan is not None:
             raise InvalidValueError(
                 "a motion is given twice",
@@ -128,7 +128,7 @@ class HeldMotion:
         return motion
 
     def _plan(self, case: "SceneCase", model: "CompiledModel") -> "PlanResult":
-        """Return a plan that was found; raises InfeasibleError or ConvergenceError where there is none."""
+        """Return a plan that was found; raises InfeasibleError or ConvergenceError if there is none."""
         plan = plan_to_targets(case, model, self.to, self.actuate)
         if not plan.is_found:
             kind = InfeasibleError if plan.status == "infeasible" else ConvergenceError
@@ -193,7 +193,7 @@ class FeedbackDesign:
     def build(self) -> dict[str, Any]:
         """Return tuning, gains before limits, gains, estimator and distribution, by these names."""
         options, model, motion = self.options, self.model, self.motion
-        wanted = options.integral_action
+        integral_action = options.integral_action
         tuning = choose_weights(
             model,
             motion,
@@ -201,7 +201,9 @@ class FeedbackDesign:
             tolerance=options.tolerance,
             effort=options.effort,
             response_time=options.response_time,
-            integral_action=None if wanted is None else [name for name in wanted if name != "none"],
+            integral_action=None
+            if integral_action is None
+            else [name for name in integral_action if name != "none"],
             arguments=self.arguments,
         )
         if options.weights is not None:

@@ -28,6 +28,7 @@ PROGRAM, INPUT = "tensegrity-codegen", "input."
 
 def build_commands(results: "SweepResults", case: int) -> tuple[str, ...]:
     """Return the commands that write the scene of a case and run it alone."""
+    from tensegrity_codegen.analyses.cases.record import SceneAnalysis
     from tensegrity_codegen.analyses.cases.registry import ANALYSES
 
     kind = ANALYSES.get(results.operation)
@@ -38,7 +39,7 @@ def build_commands(results: "SweepResults", case: int) -> tuple[str, ...]:
     }
     inputs = {key: text for key, text in keys.items() if key.startswith(INPUT)}
     words = [PROGRAM, results.operation, file, *_list_options(kind, results.options)]
-    if kind is not None and kind.has_verb:
+    if kind is not None and issubclass(kind, SceneAnalysis):
         for key, text in inputs.items():
             words += ["--input", f"{key.removeprefix(INPUT)}={text}"]
     else:  # no verb: a sweep of one case, of the unchanged scene where that matters
