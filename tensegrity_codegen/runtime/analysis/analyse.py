@@ -331,6 +331,9 @@ def analyse(
     tensions = _find_tensions(at, rank, motions)
     stiffness = find_stability(at.problem, at.point)
     modes = find_modes(at, stiffness.neutral, n_modes) if model.has("mass_matrix") else None
+    bar_distance = None
+    if math.isfinite(at.structure.limits.clearance) and model.has("bar_distance"):
+        bar_distance = np.asarray(at.problem.compute("bar_distance", at.coordinate), dtype=float)
     names = at.manifest.node_name
     analysis = Analysis(
         status="",
@@ -358,7 +361,7 @@ def analyse(
         stiffness=stiffness,
         modes=modes,
         members=check_members(at.structure, at.tension, at.length),
-        bar_distance=_find_bar_distance(at),
+        bar_distance=bar_distance,
         warnings=(),
     )
     return judge(analysis, at)
@@ -422,13 +425,6 @@ def _describe_load(at: Configuration, rank: Rank, motions: FreeMotions) -> str:
 def _move_nodes(at: Configuration, proof: Certificate | None) -> FloatArray | None:
     """Return the displacements of the nodes in a certificate, (n_nodes, 3)."""
     return None if proof is None else at.node_velocities(proof.displacement[:, None])[:, :, 0]
-
-
-def _find_bar_distance(at: Configuration) -> FloatArray | None:
-    """Return the distances between bars, None where no limit asks for them."""
-    if not math.isfinite(at.structure.limits.clearance) or not at.problem.model.has("bar_distance"):
-        return None
-    return np.asarray(at.problem.compute("bar_distance", at.coordinate), dtype=float)
 
 
 def _check_options(rank_tolerance: float, n_modes: int) -> None:

@@ -291,20 +291,13 @@ def _check_lengths(problem: StaticProblem, coordinate: FloatArray, structure: Su
 
 @dataclass(frozen=True)
 class Modes:
-    """Small undamped vibrations about a configuration.
+    """Small undamped vibrations about a configuration."""
 
-    frequency (n_modes,) [Hz]: natural frequencies, ascending; 0 where a motion has no stiffness.
-    growth_rate (n_modes,) [1/s]: rates at which unstable modes grow; 0 for the others.
-    shape (n_nodes, 3, n_modes): displacements of the nodes, the largest of each mode 1.
-    n_rigid: number of rigid motions without stiffness, which are not among the modes.
-    n_total: number of modes there are; only the first are computed.
-    """
-
-    frequency: FloatArray
-    growth_rate: FloatArray
-    shape: FloatArray
-    n_rigid: int
-    n_total: int
+    frequency: FloatArray  # (n_modes,) [Hz], ascending; 0 where a motion has no stiffness
+    growth_rate: FloatArray  # (n_modes,) [1/s], at which unstable modes grow; 0 for the others
+    shape: FloatArray  # (n_nodes, 3, n_modes), displacements, the largest of each mode 1
+    n_rigid: int  # rigid motions without stiffness, which are not among the modes
+    n_total: int  # number of modes there are; only the first are computed
 
 
 def find_modes(at: Configuration, rigid: FloatArray, count: int) -> Modes | None:

@@ -55,7 +55,10 @@ def find_prestress(
     base = np.zeros(selfstress.shape[1]) if load_tension is None else load_tension
     size = float(np.abs(base).max(initial=0.0))
     if not tension_only.any():
-        return _describe(_find_smallest(selfstress, base), tension_only)
+        if base.any() or len(selfstress) != 1:  # the least tensions that balance the loads
+            return _describe(base - selfstress.T @ (selfstress @ base), tension_only)
+        mode = selfstress[0]  # without loads the only self-stress, scaled to 1
+        return _describe(np.asarray(mode / mode[np.abs(mode).argmax()]), tension_only)
     if len(selfstress) == 0:
         return _describe(base, tension_only)
     if size == 0.0:
@@ -72,15 +75,6 @@ def _describe(tension: FloatArray, tension_only: NDArray[np.bool_]) -> Prestress
     largest = float(np.abs(tension).max(initial=0.0))
     least_tension = float(tension[tension_only].min(initial=np.inf))
     return Prestress(least_tension > MIN_TENSION_RATIO * largest, tension, least_tension, largest)
-
-
-def _find_smallest(selfstress: FloatArray, base: FloatArray) -> FloatArray:
-    """Return the least tensions that balance the loads; without loads the only self-stress, scaled to 1."""
-    if base.any() or len(selfstress) != 1:
-        smallest: FloatArray = base - selfstress.T @ (selfstress @ base)
-        return smallest
-    mode = selfstress[0]
-    return np.asarray(mode / mode[np.abs(mode).argmax()])
 
 
 def _find_least_force(
@@ -135,19 +129,12 @@ def _find_best(
 
 @dataclass(frozen=True)
 class PrestressStability:
-    """Stiffness that tensions give to the free motions.
+    """Stiffness that tensions give to the free motions."""
 
-    is_stable: whether the tensions stiffen every free motion, apart from rigid motions that cost no energy.
-    smallest_eigenvalue: smallest eigenvalue of the geometric stiffness along these motions, over the largest
-        force density; inf where there are none.
-    eigenvalue (k,): all of them, ascending.
-    direction (n_directions,): the unit motion of the smallest one; empty where there are none.
-    """
-
-    is_stable: bool
-    smallest_eigenvalue: float
-    eigenvalue: FloatArray
-    direction: FloatArray
+    is_stable: bool  # every free motion is stiff, apart from rigid motions that cost no energy
+    smallest_eigenvalue: float  # of their geometric stiffness over the largest force density, or inf
+    eigenvalue: FloatArray  # (k,), all of them, ascending
+    direction: FloatArray  # (n_directions,), the unit motion of the smallest one; empty without motions
 
 
 def find_prestress_stability(

@@ -171,15 +171,10 @@ def _check_size(matrix: FloatArray) -> None:
 
 @dataclass(frozen=True)
 class FreeMotions:
-    """Motions at which no member changes its length, to first order.
+    """Orthonormal motions at which no member changes its length, to first order."""
 
-    rigid (n_coordinates, n_rigid): orthonormal rigid motions, those of each part by itself.
-    mechanism (n_coordinates, n_mechanisms): orthonormal motions that change the shape of a part, orthogonal
-        to the rigid ones.
-    """
-
-    rigid: FloatArray
-    mechanism: FloatArray
+    rigid: FloatArray  # (n_coordinates, n_rigid), those of each part by itself
+    mechanism: FloatArray  # (n_coordinates, n_mechanisms), changes of shape, orthogonal to the rigid ones
 
 
 def find_free_motions(rank: Rank, rigid: FloatArray) -> FreeMotions:

@@ -123,26 +123,16 @@ def require_ground(structure: Any, name: str) -> Structure:
 
 @dataclass(frozen=True)
 class Tip:
-    """How far a cable must be shortened until the structure tips.
+    """How far a cable must be shortened until the structure tips."""
 
-    cable: its name.
-    status: ``"tips"``; ``"snaps"``, where nodes jump; ``"slides"`` or another status where no equilibrium is
-        found; ``"stands"`` down to the least rest length that was tried, 1 % of that in the scene.
-    rest_length, shortening [m]: rest length at which that happens, and its change from the scene's.
-    edge: the feet of the edge about which it tips.
-    foot: nodes that press, just before.
-    force (n_feet, 3) [N]: forces of the ground on them then.
-    message: what the search for an equilibrium says beyond.
-    """
-
-    cable: str
-    status: str
-    rest_length: float
-    shortening: float
-    edge: tuple[str, ...]
-    foot: tuple[str, ...]
-    force: FloatArray
-    message: str
+    cable: str  # its name
+    status: str  # "tips", "snaps" where nodes jump, "stands" down to 1 % of the length, or that of a search
+    rest_length: float  # [m], at which that happens
+    shortening: float  # [m], its change from the scene's
+    edge: tuple[str, ...]  # the feet of the edge about which it tips
+    foot: tuple[str, ...]  # nodes that press, just before
+    force: FloatArray  # (n_feet, 3) [N], of the ground on them then
+    message: str  # what the search for an equilibrium says beyond
 
     def as_evidence(self) -> dict[str, Any]:
         """Return all by name, JSON-ready."""

@@ -181,15 +181,15 @@ class Contacts:
             node_axis = self.structure.coordinate_node_axis
             return value - missing * self.external[node_axis[:, 0], node_axis[:, 1]]
         if quantity == "potential_energy":
-            slipped = self._find_slip_energy(position) if self.limit is not None else 0.0
+            slipped = 0.0
+            if (
+                self.limit is not None
+            ):  # friction F with constant limits: sum F (|T| - |s|) besides kt s^2 / 2
+                trial, (bristle, _) = self._find_trial(position), self.bristles(position)
+                size, stretched = np.linalg.norm(trial, axis=1), np.linalg.norm(bristle, axis=1)
+                slipped = float(np.sum(self.ground.stick_stiffness * stretched * (size - stretched)))
             return value + missing * float(np.sum(self.external * position)) + slipped
         return value
-
-    def _find_slip_energy(self, position: FloatArray) -> float:
-        """Return the energy of friction F with constant limits besides kt s^2 / 2, sum F (|T| - |s|) [J]."""
-        trial, (bristle, _) = self._find_trial(position), self.bristles(position)
-        size, stretched = np.linalg.norm(trial, axis=1), np.linalg.norm(bristle, axis=1)
-        return float(np.sum(self.ground.stick_stiffness * stretched * (size - stretched)))
 
     def _find_trial(self, position: FloatArray) -> FloatArray:
         """Return T, what the bristles would be without a limit, (n_contacts, n_tangents) [m]."""

@@ -32,18 +32,13 @@ ROUNDING = 1e-12  # of the loads on all nodes: a resultant that is zero
 
 @dataclass(frozen=True)
 class FootProblem:
-    """A rigid structure on its feet.
+    """A rigid structure on its feet."""
 
-    place: (n_feet, 3) [m], from the centre of the feet. wrench: force [N] and moment [N m] of weights and
-    loads about that centre, (6,). frame: rows normal, tangents. moving: which of the six rigid motions the
-    modelled axes have. size: largest distance of a foot, or 1 [m].
-    """
-
-    place: FloatArray
-    wrench: FloatArray
-    frame: FloatArray
-    moving: BoolArray
-    size: float
+    place: FloatArray  # (n_feet, 3) [m], from the centre of the feet
+    wrench: FloatArray  # (6,), force [N] and moment [N m] of weights and loads about that centre
+    frame: FloatArray  # rows normal, tangents
+    moving: BoolArray  # (6,), rigid motions that the modelled axes have
+    size: float  # largest distance of a foot, or 1 [m]
 
     @property
     def matrix(self) -> FloatArray:
@@ -69,16 +64,12 @@ class FootProblem:
 
 @dataclass(frozen=True)
 class FootForces:
-    """Whether forces of feet exist at a coefficient of friction.
+    """Whether forces of feet exist at a coefficient of friction."""
 
-    force: (n_feet, n) N and F of each, those that violate the cones least. excess: that violation [N], its
-    least possible value up to `gap` [N]. motion: (k,) of the certificate, where there are no such forces.
-    """
-
-    force: FloatArray
-    excess: float
-    gap: float
-    motion: FloatArray
+    force: FloatArray  # (n_feet, n), N and F of each, those that violate the cones least
+    excess: float  # [N], that violation, its least possible value up to the gap
+    gap: float  # [N]
+    motion: FloatArray  # (k,), of the certificate, where there are no such forces
 
 
 def find_foot_forces(problem: FootProblem, friction: float) -> FootForces:
@@ -437,7 +428,8 @@ def _find_margin(points: FloatArray, at: FloatArray, size: float) -> tuple[float
         distances = [float(at[0] - points[low, 0]), float(points[high, 0] - at[0])]
         return min(distances), ((low, high)[int(np.argmin(distances))],)
     if _is_line(points, size):
-        ends = _find_ends(points)
+        reach = points @ np.linalg.svd(points - points.mean(axis=0))[2][0]
+        ends = int(reach.argmin()), int(reach.argmax())  # the two that are farthest apart
         start, end = points[list(ends)]
         span = float((end - start) @ (end - start))
         fraction = float(np.clip((at - start) @ (end - start) / span, 0.0, 1.0)) if span else 0.0
@@ -452,13 +444,6 @@ def _is_line(place: FloatArray, size: float) -> bool:
     """Return whether points lie on a line, or are one point."""
     spread = np.linalg.svd(place - place.mean(axis=0), compute_uv=False)
     return bool(len(place) < 3 or spread[1] <= LINE * size)
-
-
-def _find_ends(place: FloatArray) -> tuple[int, int]:
-    """Return the two points of a line that are farthest apart."""
-    along = np.linalg.svd(place - place.mean(axis=0))[2][0]
-    reach = place @ along
-    return int(reach.argmin()), int(reach.argmax())
 
 
 def _say(stand: Stand, verdict: str, message: str) -> Stand:

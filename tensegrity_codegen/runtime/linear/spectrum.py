@@ -17,18 +17,14 @@ EPSILON = float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Eigenvalues [1/s] ascending by modulus; `is_complete` tells whether these are all of them.
-
-    zero_eigenvalues: how many are zero to rounding (two for each rigid motion). growing: how many have a
-    positive real part beyond rounding.
-    """
+    """Eigenvalues [1/s] ascending by modulus."""
 
     eigenvalue: NDArray[np.complex128]
-    is_complete: bool
+    is_complete: bool  # whether these are all of them
     natural_frequency: FloatArray  # [Hz], of each oscillating pair
     damping_ratio: FloatArray
-    zero_eigenvalues: int
-    growing: int
+    zero_eigenvalues: int  # zero to rounding, two for each rigid motion
+    growing: int  # with a positive real part beyond rounding
 
 
 def find_spectrum(state_matrix: Any, count: int, n_internal: int = 0) -> Spectrum:

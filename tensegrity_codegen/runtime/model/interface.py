@@ -25,10 +25,7 @@ class Model(Protocol):
         ...
 
     def compute(self, quantity: str, /, **arguments: Any) -> Any:
-        """Return `quantity`: a float, an array of its shape, or a sparse array in compressed columns.
-
-        Raises NonFiniteError where an argument or the result is not finite.
-        """
+        """Return `quantity`: a float, an array or a sparse array; NonFiniteError for what is not finite."""
         ...
 
     def nominal(self, argument: str, /) -> NDArray[np.float64]:

@@ -219,10 +219,7 @@ class SparseBatch:
 
 
 class BatchFunction:
-    """One C function over a batch; call it with arrays in the order of `arguments`.
-
-    An argument of shape (n_batch, *shape) has one row an element, one of its own shape is shared by all.
-    """
+    """One C function over a batch, of arrays (n_batch, *shape), or of its own shape, shared by all."""
 
     def __init__(self, library: LoadedLibrary, spec: FunctionSpec, sizes: Mapping[str, ArgumentSpec]) -> None:
         self.spec = spec

@@ -44,11 +44,7 @@ class CompiledFunction:
         self._batch = BatchFunction(library, spec, sizes) if library.batch_width else None
 
     def __call__(self, *values: ArrayLike, out: FloatArray | None = None) -> Any:
-        """Return the quantity: a float, an array of the spec's shape, or a scipy.sparse.csc_array.
-
-        out: array to write dense results or the non-zeros of sparse ones into. Raises InvalidValueError for
-        a wrong shape, NonFiniteError if an argument or the result is not finite.
-        """
+        """Return the quantity, a float, an array or a csc_array; out: for dense results, or non-zeros."""
         return self.wrap(self.values(values, out))
 
     @property
@@ -71,10 +67,7 @@ class CompiledFunction:
         return result if self.spec.shape else float(result[0])
 
     def _bind(self, library: LoadedLibrary) -> Callable[[Sequence[Any], FloatArray | None], FloatArray]:
-        """Return the raw call: arrays in, dense values or the non-zeros of a sparse result out.
-
-        Everything it needs is a local of the closure, which halves the time of a call.
-        """
+        """Return the raw call, arrays to values; its closure of locals halves the time of a call."""
         call, empty, shapes, shape = library.symbol(self.spec.symbol), np.empty, self._shapes, self._shape
         real = self.dtype
         pointer = partial(library.ffi.from_buffer, library.ffi.typeof(f"{self.precision.c_type}[]"))

@@ -50,20 +50,15 @@ REPORT = np.dtype(
 
 @dataclass(frozen=True)
 class SolvedPath:
-    """Equilibria in the order of their loads, as far as there are any; status says how it ended.
+    """Equilibria in the order of their loads, as far as there are any."""
 
-    status: "ok", "not_converged", "unstable" (the Hessian is not positive definite), "branch_lost" (what
-    was found may lie on another branch, as beyond a limit point), "non_finite_result". failed: iterations,
-    residual, smallest pivot, contraction of the one that failed, empty if none did.
-    """
-
-    status: str
+    status: str  # "ok", "not_converged", "unstable", "branch_lost" (past a limit point), "non_finite_result"
     coordinate: FloatArray  # (n_found, n_coordinates)
     iterations: IntArray  # (n_found,) steps of Newton's method
     residual: FloatArray  # (n_found,) largest entry of the static force
     smallest_pivot: FloatArray  # (n_found,) of the Hessian's Cholesky factors
     potential_energy: FloatArray  # (n_found,) [J]
-    failed: Mapping[str, float]
+    failed: Mapping[str, float]  # iterations, residual, pivot, contraction of the one that failed
 
     def check(self) -> "SolvedPath":
         """Return the path itself; raise UnstableError or ConvergenceError if it has not all equilibria."""
@@ -100,11 +95,7 @@ class EquilibriumSolver:
         most_iterations: int = 50,
         **arguments: ArrayLike,
     ) -> SolvedPath:
-        """Return the equilibrium near `start` (n_coordinates,), as a path of one.
-
-        start and arguments not given take the scene's own values. tolerance: largest static force on a
-        coordinate [N, N m] that counts as none. Raises InvalidValueError, NonFiniteError, UnknownNameError.
-        """
+        """Return the equilibrium near `start` (n_coordinates,), by default the scene's, as a path of one."""
         coordinate = self._sized("coordinate", start, (self._size,)).copy()
         passed = self._arguments(arguments)
         report = np.zeros(1, dtype=REPORT)
@@ -128,11 +119,7 @@ class EquilibriumSolver:
         most_iterations: int = 50,
         **arguments: ArrayLike,
     ) -> SolvedPath:
-        """Return the equilibria under loads (n_path, k, n_axes), each found from the one before.
-
-        values: of the run-time argument `node_load`, one after the other; all in one C call. Raises
-        FormulationError where loads are no run-time argument, else what `find` raises.
-        """
+        """Return the equilibria under values (n_path, k, n_axes) of `node_load`, each from the one before."""
         if self._path is None:
             raise FormulationError(
                 "a path of equilibria needs loads that may change at run time",

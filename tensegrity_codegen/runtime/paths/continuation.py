@@ -321,7 +321,9 @@ class _Path:
             self.events += tracker.describe(crossing, step, len(self.points))
             tracker.pass_over(crossed)
             if crossed[tracker.ended]:
-                self._add(self._at_load(state, self.most), tangent, self.most)
+                upward = np.append(np.zeros(len(state.z) - 1), 1.0)  # the point next to it with this load
+                located = self.solver.solve(state.z, upward, self.most / self.solver.load_scale)
+                self._add(state if located is None else located, tangent, self.most)
                 return "completed", f"load factor {self.most:.10g} was reached"
             self._add(state, tangent)
             ended = self._find_stop(n_events)
@@ -360,12 +362,6 @@ class _Path:
             if event.kind in self.stop_at:
                 return "stopped", f"{event.kind} at load factor {event.load_factor:.10g}"
         return None
-
-    def _at_load(self, state: PathState, load_factor: float) -> PathState:
-        """Return the point next to a state that has this load factor, the state if there is none."""
-        upward = np.append(np.zeros(len(state.z) - 1), 1.0)
-        located = self.solver.solve(state.z, upward, load_factor / self.solver.load_scale)
-        return state if located is None else located
 
     def _describe_return(self) -> str:
         highest = max(

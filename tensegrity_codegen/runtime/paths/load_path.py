@@ -34,38 +34,27 @@ class PathProblem(Protocol):
 
 @dataclass(frozen=True)
 class Watch:
-    """Functions of the configuration whose zeros are events of the path.
+    """Functions of the configuration whose zeros are events of the path."""
 
-    falling, rising: kind of the event where a value falls or rises through zero; "" is no event. names: one
-    for each value. values: (q, lambda) -> (len(names),), continuous. is_kink: the stiffness jumps there, so
-    the path is cut and taken up anew. stops: falling through zero ends the path.
-    """
-
-    falling: str
-    names: tuple[str, ...]
-    values: Callable[[FloatArray, float], FloatArray]
-    rising: str = ""
-    is_kink: bool = False
-    stops: bool = False
+    falling: str  # kind of event where a value falls through zero; "" is no event
+    names: tuple[str, ...]  # one for each value
+    values: Callable[[FloatArray, float], FloatArray]  # (q, lambda) -> continuous (len(names),)
+    rising: str = ""  # the same where a value rises
+    is_kink: bool = False  # the stiffness jumps there: the path is cut and taken up anew
+    stops: bool = False  # falling through zero ends the path
 
 
 @dataclass(frozen=True, repr=False)
 class PathEvent(Summarised):
-    """Something that happens on the path, located by root finding.
+    """Something that happens on the path, located by root finding."""
 
-    kind: "slack", "taut", "contact", "separation" or what a Watch calls it; "limit": the load turns back;
-    "bifurcation": another branch crosses; "stability": an eigenvalue of the stiffness jumps through zero.
-    names: all that reach it at once, as by symmetry. point: index into the points of the path. tangent:
-    (dq, dlambda) on the way in. mode: what costs no force there, (n, k), of limit points and bifurcations.
-    """
-
-    kind: str
-    names: tuple[str, ...]
+    kind: str  # "limit" of the load, "bifurcation", "stability", or what a Watch calls it
+    names: tuple[str, ...]  # all that reach it at once, as by symmetry
     load_factor: float
     coordinate: FloatArray  # (n,)
-    tangent: FloatArray  # (n + 1,)
-    point: int
-    mode: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    tangent: FloatArray  # (n + 1,), (dq, dlambda) on the way in
+    point: int  # index into the points of the path
+    mode: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))  # (n, k), without force
 
     def as_dict(self) -> dict[str, Any]:
         """Return the event as one JSON-ready object, without the configuration."""
@@ -79,15 +68,6 @@ class LoadPath(Summarised):
     status: ``"completed"``: the load factor was reached; ``"stopped"``: an event ended the path;
         ``"returned"``: the path turned back to its floor; ``"step_limit"``: too many steps; ``"stalled"``: no
         equilibrium beyond the last point; ``"no_start"``: none at the start.
-    message: a sentence.
-    load_factor, residual, smallest_eigenvalue, load_rate (n_points,): load factor; largest entry of g;
-        smallest eigenvalue of the stiffness without neutral motions; rate of the load factor along the path,
-        negative where the load decreases.
-    coordinate (n_points, n): coordinates.
-    internal (n_points, n_internal) [m]: internal states of members with memory, None without any; the last
-        ones, as the argument ``internal`` of another path, let that go on from here.
-    events: events in their order.
-    n_iterations: number of Newton iterations.
     """
 
     status: str
@@ -99,7 +79,7 @@ class LoadPath(Summarised):
     load_rate: FloatArray  # (n_points,) dlambda/ds; negative where the load falls along the path
     events: tuple[PathEvent, ...]
     n_iterations: int
-    internal: FloatArray | None = None  # (n_points, n_internal)
+    internal: FloatArray | None = None  # (n_points, n_internal) [m], of members with memory
 
     def headline(self) -> str:
         """Return status and message."""

@@ -35,10 +35,7 @@ LEAST_TURN = 1e-6  # of a step: a turn nearer to its start is at its start
 
 @dataclass
 class Step:
-    """A step of the path from `start` along `tangent` to `end`, `length` measured along the tangent.
-
-    crossings: what was found on the way; is_cut: the end is the last of these.
-    """
+    """A step of the path, `length` measured along the tangent; is_cut: it ends at its last crossing."""
 
     solver: PathSolver
     start: PathState

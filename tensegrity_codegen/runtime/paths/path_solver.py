@@ -140,11 +140,7 @@ class PathSolver:
     def begin(
         self, coordinate: FloatArray, load_factor: float, upward: FloatArray
     ) -> "tuple[PathSolver, PathState, FloatArray] | str":
-        """Return solver, point and tangent at a load factor near `coordinate`, or why there are none.
-
-        The solver returned has the scale of coordinates at which they move as fast as the load. upward:
-        the direction of the load in z.
-        """
+        """Return a solver scaled so that coordinates move like the load, point and tangent, or a reason."""
         state = self.solve(
             self.join(coordinate, load_factor), upward, upward[-1] * load_factor / self.load_scale
         )

@@ -84,11 +84,7 @@ class PinnedPath:
 
 
 def pin_path(path: ModelPath, start: FloatArray) -> PinnedPath | None:
-    """Return the path with its rigid motions held; None without such motions, or with forces along them.
-
-    Forces are those at load factor 1, near `start` (n,). Gravity on a structure that hangs from a joint acts
-    along a rigid motion; tensions of its own cables do not.
-    """
+    """Return the path with its rigid motions held; None without such motions, or with forces along them."""
     if not path.model.manifest.coordinate_node_axis:
         return None
     pinned = PinnedPath(path, start)
@@ -107,17 +103,14 @@ def pin_path(path: ModelPath, start: FloatArray) -> PinnedPath | None:
 
 @dataclass(frozen=True)
 class Way:
-    """Where growing loads lead: to `coordinate` (n,), or no further than to the load factor `limit`.
+    """The end of growing loads."""
 
-    failed: the path was not followed; message says why, or what happened at the limit.
-    """
-
-    coordinate: FloatArray = field(default_factory=lambda: np.zeros(0))
+    coordinate: FloatArray = field(default_factory=lambda: np.zeros(0))  # (n,), where they lead to
     member_length: FloatArray = field(default_factory=lambda: np.zeros(0))
     node_position: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
-    limit: float | None = None
-    failed: bool = False
-    message: str = ""
+    limit: float | None = None  # load factor beyond which they do not lead
+    failed: bool = False  # the path was not followed
+    message: str = ""  # why, or what happened at the limit
 
 
 class Ramp:
@@ -141,18 +134,20 @@ class Ramp:
         return {**self.arguments, **self.base, **grown}
 
     def settle(self, start: FloatArray, near: FloatArray) -> Way:
-        """Return where the structure goes from `start` without the growing loads, as prestress lets it.
-
-        Loads that balance it at `start` are let go in proportion; the limit is the part let go. near: where
-        the search for the end begins.
-        """
+        """Return where prestress leads from `start` as balancing loads are let go; near: the end's guess."""
         problem = build_problem(self.model, self.arguments_at(0.0))
         point = problem.find_point(problem.to_search_coordinate(start))
         if point is None:
             return Way(failed=True, message="the forces at the start are not finite")
         floor = problem.rounding_floor(problem.stiffness(point.coordinate), point)
         if point.is_balanced(BALANCE_TOLERANCE, floor):
-            return _stay(problem, point)
+            if find_stability(problem, point).is_unstable:
+                return Way(
+                    limit=0.0, message="the given shape is in an unstable equilibrium before any load acts"
+                )
+            length = np.array(problem.compute("member_length", point.coordinate))
+            position = problem.node_position(point.coordinate)
+            return Way(problem.to_model_coordinate(point.coordinate), length, position)
         if "node_load" not in self.pattern:
             return Way(
                 failed=True,
@@ -174,7 +169,7 @@ class Ramp:
             return Way(failed=True, message="the forces at the start are not finite")
         stability = find_stability(problem, point)
         if stability.is_unstable:
-            return _lost_at_once("the structure is in an unstable equilibrium before the loads act")
+            return Way(limit=0.0, message="the structure is in an unstable equilibrium before the loads act")
         lower = 0.0
         if stability.is_neutral or stability.neutral_motions:
             pushed = find_equilibrium(
@@ -184,9 +179,8 @@ class Ramp:
                 raise_on_failure=False,
             )
             if pushed.status == "unstable":
-                return _lost_at_once(
-                    f"the structure is in an unstable equilibrium under {FIRST_LOAD_FACTOR:g} of the loads"
-                )
+                state = f"in an unstable equilibrium under {FIRST_LOAD_FACTOR:g} of the loads"
+                return Way(limit=0.0, message=f"the structure is {state}")
             if not pushed.is_found:
                 return Way(
                     failed=True,
@@ -194,7 +188,7 @@ class Ramp:
                 )
             if pushed.change > COLLAPSE_MOTION_RATIO * pushed.extent:
                 moved = f"node {pushed.changed_node} by {pushed.change:.6g} m"
-                return _lost_at_once(f"{FIRST_LOAD_FACTOR:g} of the loads move {moved}")
+                return Way(limit=0.0, message=f"{FIRST_LOAD_FACTOR:g} of the loads move {moved}")
             start, lower = pushed.coordinate, FIRST_LOAD_FACTOR
         path = build_path(self.model, self.pattern, self.arguments_at(0.0))
         return self._follow(path, start, lower)
@@ -265,14 +259,6 @@ def find_pushed_start(path: ModelPath, start: FloatArray, most: float) -> tuple[
     pushed = _find_equilibrium(path, load_factor, start)
     is_near = pushed.is_found and pushed.change <= COLLAPSE_MOTION_RATIO * pushed.extent
     return (pushed.coordinate, load_factor) if is_near else None
-
-
-def _stay(problem: StaticProblem, point: Point) -> Way:
-    """Return the way of a structure that is in balance where it is given."""
-    if find_stability(problem, point).is_unstable:
-        return _lost_at_once("the given shape is in an unstable equilibrium before any load acts")
-    length = np.array(problem.compute("member_length", point.coordinate))
-    return Way(problem.to_model_coordinate(point.coordinate), length, problem.node_position(point.coordinate))
 
 
 def _find_unstable(path: ModelPath, way: LoadPath) -> float | None:
@@ -354,10 +340,6 @@ def _describe_loss(kind: str, load_factor: float, growing: str) -> str:
     return (
         f"the path of the increasing {growing} becomes unstable where a cable goes slack or taut, at {load}"
     )
-
-
-def _lost_at_once(message: str) -> Way:
-    return Way(limit=0.0, message=message)
 
 
 def _find_holding_loads(

@@ -26,15 +26,11 @@ EXTRA_TIME = 1e-12  # of the last time, by which n steps of a fixed length may e
 
 @dataclass(frozen=True, eq=False)
 class DrivenArguments:
-    """Run-time arguments that change with time, of one model; call it with a time [s] for their values.
+    """Run-time arguments of one model that change with time; call it with a time [s] for their values."""
 
-    pieces: of all values that change; place (n_values,): argument of each, and its index among the numbers of
-    that argument; base: value of each argument that changes, where no piece changes it.
-    """
-
-    pieces: Pieces
-    place: tuple[tuple[str, int], ...]
-    base: Mapping[str, FloatArray]
+    pieces: Pieces  # of all values that change
+    place: tuple[tuple[str, int], ...]  # argument of each value, and its index among its numbers
+    base: Mapping[str, FloatArray]  # value of each argument, where no piece changes it
 
     def __call__(self, time: float) -> dict[str, FloatArray]:
         """Return the arguments that change, by name, at a time [s]."""
@@ -108,11 +104,7 @@ def check_end(profile: Profile, t_end: float, where: str = "profile.time") -> No
 def check_not_constant(
     profile: Profile, arguments: Mapping[str, Any], input_name: Sequence[str] = (), where: str = ""
 ) -> None:
-    """Raise InvalidValueError for an input that has a profile and a constant value.
-
-    arguments: as given, names of inputs included; input_name: of the model, all of which the array `input`
-    stands for in a profile; where: the profile is from, the argument if not given.
-    """
+    """Raise InvalidValueError for an input that has a profile and a constant value."""
     driven = (*profile.values, *(input_name if INPUT in profile.values else ()))
     named = [name for name in driven if name in arguments]
     if named:

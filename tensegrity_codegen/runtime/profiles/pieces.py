@@ -23,16 +23,11 @@ HALVINGS_OF_SMOOTH = 4
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """Polynomials of time between breakpoints, for n_values values at once.
+    """Polynomials of time between breakpoints, for n_values values at once."""
 
-    time (n_pieces + 1,) [s]: breakpoints, rising; coefficient (n_pieces, degree + 1, n_values): of the powers
-    of the time since the start of the piece, the constant one first; is_kink (n_pieces + 1,): breakpoints at
-    which the polynomial is another one, so that steps of a method end there.
-    """
-
-    time: FloatArray
-    coefficient: FloatArray
-    is_kink: NDArray[np.bool_]
+    time: FloatArray  # (n_pieces + 1,) [s], breakpoints, rising
+    coefficient: FloatArray  # (n_pieces, degree + 1, n_values), of powers of the time since the piece's start
+    is_kink: NDArray[np.bool_]  # (n_pieces + 1,), where steps of a method end, at another polynomial
 
     def at(self, time: float) -> FloatArray:
         """Return the values (n_values,) at a time [s]; at a jump those after it."""

@@ -45,26 +45,16 @@ LEAST_RAISE = float(np.finfo(np.float64).eps)  # [N/m], where a structure has no
 
 @dataclass(frozen=True)
 class StaticSystem:
-    """Matrices at one equilibrium, over the coordinates x of its static problem [m].
+    """Matrices at one equilibrium, over the coordinates x of its static problem [m]."""
 
-    stiffness: K (n, n).
-    constraint: J (n_bars, n).
-    bar (n_bars,): members of the rows of J.
-    force: F (n, n_members).
-    tension_jacobian: T (n_members, n).
-    tension_rest_length_derivative: s (n_members,).
-    scale (n,): x = scale q of the model's coordinates q.
-    node_jacobian: (3 n_nodes, n) of bodies, None where coordinates are those of nodes.
-    """
-
-    stiffness: Any
-    constraint: Any
-    bar: IntArray
-    force: Any
-    tension_jacobian: Any
-    tension_rest_length_derivative: FloatArray
-    scale: FloatArray
-    node_jacobian: Any = None
+    stiffness: Any  # K (n, n)
+    constraint: Any  # J (n_bars, n)
+    bar: IntArray  # (n_bars,), members of the rows of J
+    force: Any  # F (n, n_members)
+    tension_jacobian: Any  # T (n_members, n)
+    tension_rest_length_derivative: FloatArray  # s (n_members,)
+    scale: FloatArray  # (n,), x = scale q of the model's coordinates q
+    node_jacobian: Any = None  # (3 n_nodes, n) of bodies, None where coordinates are those of nodes
 
     def build_gauge_rows(self, motions: FloatArray) -> Any:
         """Return rows (k, n) that set rigid motions (n, k) to zero, as products of node displacements."""
@@ -174,11 +164,7 @@ class Bordered:
 
 
 def factorise(stiffness: Any, border: Any, held: FloatArray, rounding: float) -> tuple[Bordered, bool]:
-    """Return the factors, and whether the stiffness is regular on what the border leaves.
-
-    Where a pivot is zero the factors are those of a stiffness with the eigenvalues raised by `rounding`
-    [N/m] or more, which show the direction that nothing resists.
-    """
+    """Return the factors, and whether they are regular; else of a stiffness raised by `rounding` or more."""
     try:
         return Bordered(stiffness, border, held), True
     except RuntimeError:  # a pivot is zero

@@ -43,11 +43,7 @@ ALLOWED = f"numbers, time, quantities, node.x, + - * / **, {', '.join(FUNCTIONS)
 
 
 def parse_condition(text: str) -> ast.expr:
-    """Return the syntax tree of a condition: a comparison, or an expression without one.
-
-    Raises InvalidValueError for what is no such expression, UnknownNameError for unknown quantities and
-    functions, NonFiniteError for a constant part that is no finite number, such as 1/0.
-    """
+    """Return the syntax tree of a condition: a comparison, or an expression without one, checked."""
     if len(text) > MAX_LENGTH:
         raise InvalidValueError(
             "too long", where=WHERE, given=f"{len(text)} characters", allowed=f"up to {MAX_LENGTH}"

@@ -95,11 +95,7 @@ class Until:
         return Watch((*(kind for kind in JUMP_KINDS if kind in kinds_of_method), *kinds), tuple(stop), call)
 
     def integrate(self, motion: Motion, options: RunOptions) -> tuple[RawTrajectory, tuple[MotionEvent, ...]]:
-        """Return the samples up to the event that ends the motion and the state there, and that event.
-
-        All samples where there is none. Bars that overlap touch at the start, and a comparison that holds
-        there ends the motion at once. Raises what the methods raise.
-        """
+        """Return the samples up to the event that ends the motion, at its start at once, and that event."""
         if self.contact:
             # What a longer fixed step makes of bars that go through each other says nothing.
             options = options if options.step is None else replace(options, control="steps")

@@ -90,11 +90,7 @@ class _State:
 
 
 def slip_until_held(problem: StaticProblem, start: Point, search: Callable[[Point], Outcome]) -> Outcome:
-    """Return the equilibrium from a start, its cables held by friction at all rings.
-
-    search: returns the equilibrium from a point with rings that stick. What has slipped is left in the
-    internal states of the problem.
-    """
+    """Return the equilibrium from a start, its cables held by friction at all rings; slips are kept."""
     names = problem.model.manifest.internal_name
     row = np.array([k for k, name in enumerate(names) if name.endswith(SLID_END)])
     begun = problem.internal

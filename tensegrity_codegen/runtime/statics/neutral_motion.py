@@ -23,15 +23,11 @@ START_TURN = 2.0  # [rad], turns from which the fit begins besides none
 
 @dataclass(frozen=True)
 class NeutralMotions:
-    """Neutral motions at one configuration.
+    """Neutral motions at one configuration."""
 
-    twist: (k, 6) of the rigid ones, turn and translation of the point `centre`; mechanism: (n_nodes, 3, m)
-    velocities of nodes in the others.
-    """
-
-    centre: FloatArray
-    twist: FloatArray
-    mechanism: FloatArray
+    centre: FloatArray  # (3,) [m]
+    twist: FloatArray  # (k, 6) of the rigid ones, turn and translation of the centre
+    mechanism: FloatArray  # (n_nodes, 3, m), velocities of nodes in the others
 
     @property
     def names(self) -> tuple[str, ...]:

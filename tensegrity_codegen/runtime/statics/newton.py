@@ -44,20 +44,15 @@ MOST_RETREATS = 30
 
 @dataclass(frozen=True)
 class Stability:
-    """Smallest eigenvalue off the neutral rigid motions [N/m], its vector, how large rounding may be.
+    """Smallest eigenvalue off the neutral rigid motions, and how large rounding may be."""
 
-    model_eigenvalue: the same in the model's own coordinates, which may be angles. neutral: those motions,
-    orthonormal columns (n_directions, neutral_motions). unbalanced: the part of `rounding` that is due to
-    forces that are not in balance.
-    """
-
-    smallest_eigenvalue: float
-    direction: FloatArray
+    smallest_eigenvalue: float  # [N/m]
+    direction: FloatArray  # its vector
     neutral_motions: int
-    rounding: float
-    model_eigenvalue: float
-    neutral: FloatArray
-    unbalanced: float = 0.0
+    rounding: float  # [N/m]
+    model_eigenvalue: float  # in the model's own coordinates, which may be angles
+    neutral: FloatArray  # those motions, orthonormal columns (n_directions, neutral_motions)
+    unbalanced: float = 0.0  # part of `rounding` by forces that are not in balance
 
     @property
     def is_unstable(self) -> bool:
@@ -72,17 +67,14 @@ class Stability:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Where a search ended, why, after how many iterations, and what is worth saying about it.
-
-    saddles_left: unstable equilibria that the search came to and left. stability: of the point, where known.
-    """
+    """The end of a search: status, point, iterations, and a sentence."""
 
     status: str
     point: Point
     iterations: int
     message: str = ""
-    saddles_left: int = 0
-    stability: Stability | None = None
+    saddles_left: int = 0  # unstable equilibria that the search came to and left
+    stability: Stability | None = None  # of the point, where known
 
 
 def find_idle_motions(problem: StaticProblem, point: Point, stiffness: Any) -> tuple[FloatArray, float]:

@@ -43,24 +43,15 @@ Search = Callable[[Point], Outcome]
 
 @dataclass(frozen=True)
 class Feet:
-    """The contacts of an equilibrium with the ground.
+    """The contacts of an equilibrium with the ground."""
 
-    node_name: nodes that can touch the ground.
-    state: ``"open"``, ``"stick"`` or ``"slip"`` of each; without friction ``"slide"``.
-    force (n_contacts, 3) [N]: force of the ground on each.
-    penetration (n_contacts,) [m]: depth of each below the plane.
-    internal (n_internal,) [m]: deflections of bristles, for the argument `internal` of `simulate`.
-    load_steps: steps in which the loads grew; 0 without friction.
-    change [m]: largest change of a node's position from half of these steps.
-    """
-
-    node_name: tuple[str, ...]
-    state: tuple[str, ...]
-    force: FloatArray
-    penetration: FloatArray
-    internal: FloatArray
-    load_steps: int = 0
-    change: float = 0.0
+    node_name: tuple[str, ...]  # nodes that can touch the ground
+    state: tuple[str, ...]  # "open", "stick" or "slip" of each; without friction "slide"
+    force: FloatArray  # (n_contacts, 3) [N], of the ground on each
+    penetration: FloatArray  # (n_contacts,) [m], depth of each below the plane
+    internal: FloatArray  # (n_internal,) [m], bristles, for the argument `internal` of `simulate`
+    load_steps: int = 0  # in which the loads grew; 0 without friction
+    change: float = 0.0  # [m], largest change of a node's position from half of these steps
 
     @property
     def slipping(self) -> tuple[str, ...]:
@@ -80,11 +71,7 @@ class Feet:
 def find_on_ground(
     problem: StaticProblem, start: FloatArray, search: Search, *, tolerance: float
 ) -> tuple[Point, Outcome]:
-    """Return where a structure touches the ground, and its equilibrium from there.
-
-    start: (n_coordinates,). search: finds the minimum of an energy from a point. The state of the contacts
-    is left in `problem.contacts`.
-    """
+    """Return where a structure touches the ground, and its equilibrium from there; contacts are kept."""
     contacts = problem.ground_contacts
     held = _is_held(problem, contacts.ground.normal)
     if contacts.friction and contacts.slide is not None and _is_held(problem, contacts.ground.velocity):

@@ -85,11 +85,7 @@ def find_neutral_motions(stiffness: Any, motions: FloatArray, force_noise: float
 
 
 def build_all_motions(axes: Sequence[int], position: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return translations and rotations about the middle, each of unit size, and their twists.
-
-    position: (..., n_nodes, 3) [m]. Motions (..., n_nodes * n_axes, k); twists (..., 6, k): turn, and
-    translation of the middle.
-    """
+    """Return unit translations and rotations (..., n_nodes * n_axes, k), and twists (..., 6, k)."""
     local = position[..., list(axes)]
     local = local - local.mean(axis=-2, keepdims=True)
     columns, twists = [], []

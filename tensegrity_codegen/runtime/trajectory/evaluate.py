@@ -40,15 +40,11 @@ MAX_AMPLIFICATION = 10.0
 
 @dataclass(frozen=True)
 class EnergyBalance:
-    """Of each motion: drift (...), the largest change of the total energy over the largest kinetic energy.
+    """The balance of energy of each motion."""
 
-    has_grown (..., n_t): whether there is too much energy by each sample; has_lost (...): whether there ever
-    was too little.
-    """
-
-    drift: FloatArray
-    has_grown: NDArray[np.bool_]
-    has_lost: NDArray[np.bool_]
+    drift: FloatArray  # (...), largest change of the total energy over the largest kinetic energy
+    has_grown: NDArray[np.bool_]  # (..., n_t), too much energy by each sample
+    has_lost: NDArray[np.bool_]  # (...), too little at some sample
 
     def judge(
         self, place: int | tuple[()], time: FloatArray, conservative: bool, is_driven: bool, message: str
@@ -64,11 +60,7 @@ class EnergyBalance:
 
 
 def balance_energy(kinetic: FloatArray, total: FloatArray, coordinate: FloatArray) -> EnergyBalance:
-    """Return the balance of motions from their energies (..., n_t) [J]; samples that are NAN are left out.
-
-    coordinate (..., n_t, n_coordinates): where these change by no more than rounding nothing moves, and the
-    energies are rounding too.
-    """
+    """Return the balance of energies (..., n_t) [J]; none where coordinates move by rounding alone."""
     change = total - total[..., :1]
     # Below this the change is rounding of the potential energy, not motion.
     floor = 1e-9 * np.fmax.reduce(np.abs(total - kinetic), axis=-1)
@@ -186,11 +178,7 @@ def select_motion(arguments: Mapping[str, tuple[Any, bool]], k: int) -> dict[str
 
 
 class _Samples:
-    """All samples of motions as one long batch of states, those that were not reached being NAN.
-
-    arguments: each with whether it has one row a motion; threads: of the functions over batches of a library,
-    0 where samples are computed one after the other.
-    """
+    """All samples of motions as one batch of states, NAN where not reached; threads: 0 for single calls."""
 
     def __init__(
         self,
@@ -392,12 +380,7 @@ def put_own_tensions(
     columns: Mapping[str, FloatArray],
     arguments: Mapping[str, Any],
 ) -> dict[str, FloatArray]:
-    """Return member_tension and total_energy (n_t, ...) with the given tensions (n_t, len(members)) [N].
-
-    state (n_t, n_states): the samples; columns: the results that follow from states. Tensions of rigid
-    members that follow from states stay where the elastic ones do not spoil them: between two steps they are
-    more exact than the polynomial of the method.
-    """
+    """Return member_tension and total_energy (n_t, ...) with these tensions (n_t, len(members)) [N]."""
     chosen = list(members)
     law = model.compute("member_law", **arguments)[chosen]
     mu, damping, rest_length = law[:, 1], law[:, 2], law[:, 0]

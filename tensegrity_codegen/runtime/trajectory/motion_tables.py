@@ -27,12 +27,7 @@ VARIABLES = {
 
 
 def list_columns(motion: Any) -> dict[str, NDArray[Any]]:
-    """Return the columns of a Trajectory, or of the motions of a BatchTrajectory, by their names.
-
-    The names have their units: ``time [s]``, ``t1.x [m]``, ``t1.vx [m/s]``, ``bar1.tension [N]``, and those
-    of inputs where the structure is known. The table of a batch starts with a column ``motion``, the number
-    of each motion from 0 on, and has the samples that each motion reached.
-    """
+    """Return the columns of one motion, or of a batch with numbers of motions, by names with units."""
     if motion.node_position.ndim == 3:
         return _list_one(motion)
     motions = list(motion)

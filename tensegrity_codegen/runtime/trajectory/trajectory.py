@@ -19,24 +19,15 @@ from tensegrity_codegen.tables.manifest import VISCOUS_WORK
 
 @dataclass(frozen=True)
 class Foot:
-    """A node that touched the ground; forces and penetration are those of the samples.
+    """A node that touched the ground; forces and penetration are those of the samples."""
 
-    node: its name.
-    first_touch [s]: when it touched first.
-    touches: how often it touched, that at the start included.
-    slide [m]: length of its way along the ground between samples at which it touched.
-    largest_force [N]: largest normal force.
-    largest_use: largest friction over friction that is possible, F / (mu N); 0 without friction.
-    penetration [m]: largest penetration.
-    """
-
-    node: str
-    first_touch: float
-    touches: int
-    slide: float
-    largest_force: float
-    largest_use: float
-    penetration: float
+    node: str  # its name
+    first_touch: float  # [s]
+    touches: int  # how often it touched, that at the start included
+    slide: float  # [m], its way along the ground between samples at which it touched
+    largest_force: float  # [N], normal
+    largest_use: float  # largest friction over friction that is possible, F / (mu N); 0 without friction
+    penetration: float  # [m], the largest
 
     def as_dict(self) -> dict[str, Any]:
         """Return all by name, JSON-ready."""
@@ -45,18 +36,14 @@ class Foot:
 
 @dataclass(frozen=True)
 class ContactSamples:
-    """Contacts with the ground at the samples of a motion.
+    """Contacts with the ground at the samples of a motion."""
 
-    time (n_t,) [s]; node: names of the contacts; position (n_t, n_contacts, 3) [m]; force (n_t, n_contacts,
-    3) [N]; penetration (n_t, n_contacts) [m]; friction: coefficients (n_t,), None: that of the ground.
-    """
-
-    time: FloatArray
-    node: tuple[str, ...]
-    position: FloatArray
-    force: FloatArray
-    penetration: FloatArray
-    friction: FloatArray | None = None
+    time: FloatArray  # (n_t,) [s]
+    node: tuple[str, ...]  # names of the contacts
+    position: FloatArray  # (n_t, n_contacts, 3) [m]
+    force: FloatArray  # (n_t, n_contacts, 3) [N]
+    penetration: FloatArray  # (n_t, n_contacts) [m]
+    friction: FloatArray | None = None  # coefficients (n_t,), None: that of the ground
 
 
 def find_feet(samples: ContactSamples, ground: Ground, log: EventLog) -> tuple[Foot, ...]:
@@ -96,19 +83,14 @@ def find_feet(samples: ContactSamples, ground: Ground, log: EventLog) -> tuple[F
 
 @dataclass(frozen=True)
 class MotionEvent:
-    """What has ended a motion.
+    """The event that has ended a motion."""
 
-    kind: "contact" or "condition"; names: all pairs of bars that touch at once, as by symmetry, or the
-    condition; time [s]; margin: distance of these bars [m], zero to rounding, negative where the motion
-    started with an overlap; coordinate, velocity (n_coordinates,): the state there.
-    """
-
-    kind: str
-    names: tuple[str, ...]
-    time: float
-    margin: float
-    coordinate: FloatArray
-    velocity: FloatArray
+    kind: str  # "contact" or "condition"
+    names: tuple[str, ...]  # pairs of bars that touch at once, as by symmetry, or the condition
+    time: float  # [s]
+    margin: float  # distance of these bars [m], negative where the motion started with an overlap
+    coordinate: FloatArray  # (n_coordinates,), the state there
+    velocity: FloatArray  # (n_coordinates,)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the event as one JSON-ready object, without the state."""

@@ -196,11 +196,7 @@ class Points:
 
 
 class BatchProblem:
-    """The static problem of `StaticProblem` for some cases with arguments of their own, in node coordinates.
-
-    arguments: each with whether it has one row a case. cases: numbers of these rows; those of the problem,
-    here called rows, count from 0.
-    """
+    """The problem of `StaticProblem` for some cases in node coordinates; rows count cases from 0."""
 
     def __init__(
         self, model: CompiledModel, arguments: Mapping[str, tuple[FloatArray, bool]], cases: IntArray

@@ -20,16 +20,12 @@ PERPENDICULAR_TOLERANCE = 1e-6  # cosine of the angle up to which slides are acr
 
 @dataclass(frozen=True)
 class Stabilities:
-    """As of `Stability`, one row a case; eigenvalues are NAN where the stiffness is not finite.
-
-    twist: (count, 6, 6): of the neutral motions: turn, and translation of the middle of all nodes; as many
-    rows as there are, others are zero.
-    """
+    """As of `Stability`, one row a case; eigenvalues are NAN where the stiffness is not finite."""
 
     smallest_eigenvalue: FloatArray
     neutral_motions: IntArray
     rounding: FloatArray
-    twist: FloatArray
+    twist: FloatArray  # (count, 6, 6), turn and translation of the middle in neutral motions; other rows zero
 
     @property
     def is_unstable(self) -> BoolArray:
