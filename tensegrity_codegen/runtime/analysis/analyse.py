@@ -198,7 +198,7 @@ def _describe_proof(analysis: Analysis, at: Configuration) -> str:
 
 
 def _describe_tensions(analysis: Analysis, at: Configuration) -> str:
-    """Return what holds the structure."""
+    """Return the tensions that hold the structure."""
     mechanisms = analysis.n_mechanisms
     held = (
         f"; they stiffen {f'all {mechanisms} mechanisms' if mechanisms > 1 else 'the only mechanism'}"
@@ -213,7 +213,7 @@ def _describe_tensions(analysis: Analysis, at: Configuration) -> str:
 
 
 def _find_flaws(analysis: Analysis, at: Configuration) -> list[str]:
-    """Return what is wrong at the present tensions of a structure that some prestress holds."""
+    """Return the flaws of the present tensions of a structure that some prestress holds."""
     flaws = analysis.members.describe()
     if not analysis.is_balanced:
         return [*flaws, UNJUDGED]
@@ -229,7 +229,7 @@ def _find_flaws(analysis: Analysis, at: Configuration) -> list[str]:
 
 
 def _find_warnings(analysis: Analysis, at: Configuration) -> tuple[str, ...]:
-    """Return what a careful engineer would ask about, in sentences."""
+    """Return sentences about all that needs a second look."""
     sentences = [analysis.rank.warning] if analysis.rank.warning else []
     contacts = at.problem.contacts
     if contacts is not None and (slips := contacts.bristles(at.position)[1]).any():

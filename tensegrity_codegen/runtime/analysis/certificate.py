@@ -25,7 +25,7 @@ NULL_SPACE_TOLERANCE = 1e-8  # singular values of the restricted self-stresses t
 CHOSEN = (1e-11, 1e-4)
 OPTIMUM_RELAXATION = 1e-6  # part of the least shortening that is given up to find the least norm
 OPTIMUM_TOLERANCE = 1e-5  # difference of shortenings, next to 1, that counts as none
-MOST_EVEN = 400  # shortening cables up to which the least norm is found
+MAX_EVEN = 400  # shortening cables up to which the least norm is found
 BALANCE_TOLERANCE = 1e-9  # part of the loads that no tensions balance, up to which they count as balanced
 
 
@@ -208,7 +208,7 @@ def _find_even(modes: FloatArray, pull: FloatArray) -> FloatArray | None:
     if optimum is None:
         return None
     best: FloatArray = basis @ optimum[:-1]
-    if best.min() > 1 - OPTIMUM_TOLERANCE or count > MOST_EVEN:
+    if best.min() > 1 - OPTIMUM_TOLERANCE or count > MAX_EVEN:
         return best
     square = np.linalg.qr(basis.toarray())[0]
     bounds = np.vstack([square, -square, -(pull @ square)[None, :]])

@@ -258,7 +258,7 @@ def read_configuration(
 
 
 def _find_structure(model: Model) -> Subject:
-    """Return what a model was made from; raises FormulationError where it does not say."""
+    """Return the structure of a model; raises FormulationError where it is unknown."""
     structure: Subject | None = getattr(model, "structure", None)
     if structure is None:
         raise FormulationError(

@@ -17,7 +17,7 @@ OPTIMUM_TOLERANCE = 1e-5  # difference of two optimal solutions, over the larges
 OPTIMUM_RELAXATION = 1e-6  # part of the least tension that is given up to find the least norm
 MIN_STIFFNESS_RATIO = 1e-9  # least eigenvalue, over the largest force density, that counts as stiff
 KEPT_TENSION_RATIO = 0.1  # part of the largest least tension that stabilising tensions keep
-MOST_CUTS = 60
+MAX_CUTS = 60
 
 
 @dataclass(frozen=True)
@@ -184,7 +184,7 @@ def find_stabilising_prestress(
     limit = [np.full(len(only), -least_tension), np.ones(len(modes)), np.ones(len(modes))]
     cost = np.append(np.zeros(len(selfstress)), -1.0)
     cuts = [basis[:, k] for k in range(basis.shape[1])]
-    for _ in range(MOST_CUTS):
+    for _ in range(MAX_CUTS):
         bends = np.array([at.curvature(v) for v in cuts])
         cut_rows = np.hstack([-bends @ modes, np.ones((len(cuts), 1))])
         optimum = find_optimum(

@@ -14,7 +14,7 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.manifest import Manifest
 
-MOST_ROWS = 3000  # coordinates or members; the dense decomposition of so many takes about a minute
+MAX_ROWS = 3000  # coordinates or members; the dense decomposition of so many takes about a minute
 RANK_TOLERANCE = 1e-6  # of the largest singular value: larger ones never count as zero
 MIN_CLEAR_GAP = 1e3  # ratio of the two singular values at the gap from which the rank is clear
 NEAR_ZERO_FACTOR = 1e2  # times the tolerance: a smallest value below that is near to being zero
@@ -77,7 +77,7 @@ class Rank:
         return int(self.selfstress.shape[1])
 
     def find_tension(self, load: FloatArray) -> tuple[FloatArray, float]:
-        """Return the least tensions t (n_members,) [N] with A t = load, and the norm of what is left [N]."""
+        """Return the least tensions t (n_members,) [N] with A t = load, and the norm of the remainder [N]."""
         tension = ((self.left.T @ load) / self.singular_value[: self.rank]) @ self.right
         return tension, float(np.linalg.norm(self.free_motion.T @ load))
 
@@ -159,12 +159,12 @@ def _describe_doubt(relative: FloatArray, rank: int, gap: float, tolerance: floa
 
 
 def _check_size(matrix: FloatArray) -> None:
-    if max(matrix.shape, default=0) > MOST_ROWS:
+    if max(matrix.shape, default=0) > MAX_ROWS:
         raise FormulationError(
             "the structure is too large for this analysis, which decomposes a dense matrix",
             where="equilibrium_matrix",
             given=f"{matrix.shape[0]} coordinates, {matrix.shape[1]} members",
-            allowed=f"up to {MOST_ROWS} of each",
+            allowed=f"up to {MAX_ROWS} of each",
             hint="analyse a part of it, for example one module with its ends anchored",
         )
 

@@ -25,11 +25,11 @@ from tensegrity_codegen.system.checks import check_switch
 from tensegrity_codegen.system.errors import FormulationError, check_choice
 
 TIGHT = 1e-12  # tolerance of equilibria near a tipping point
-FIRST_STEP, MOST_STEP, MOST_SHORTENING = 0.05, 0.1, 0.99  # of the rest length
+FIRST_STEP, MAX_STEP, MAX_SHORTENING = 0.05, 0.1, 0.99  # of the rest length
 NEAR_ROOT = 0.9  # part of the way to a root that a step goes, so that it stays on the side that stands
 ROOT = 1e-7  # of the rest length: distance from the root from which the rest of the way is a line
-MOST_JUMP = 0.2  # of the structure's size: motion of a node in a step that counts as a jump
-MOST_ITERATIONS = 60  # from one equilibrium to the next
+MAX_JUMP = 0.2  # of the structure's size: motion of a node in a step that counts as a jump
+MAX_ITERATIONS = 60  # from one equilibrium to the next
 
 Progress = Callable[[int, float], None]
 
@@ -132,7 +132,7 @@ class Tip:
     edge: tuple[str, ...]  # the feet of the edge about which it tips
     foot: tuple[str, ...]  # nodes that press, just before
     force: FloatArray  # (n_feet, 3) [N], of the ground on them then
-    message: str  # what the search for an equilibrium says beyond
+    message: str  # of the search for an equilibrium beyond
 
     def as_evidence(self) -> dict[str, Any]:
         """Return all by name, JSON-ready."""
@@ -205,15 +205,15 @@ class _Shortening:
         rest_length = float(self.length[self.column])
         here = self.begun
         step, status, message = FIRST_STEP * rest_length, "stands", ""
-        while here.shortening < MOST_SHORTENING * rest_length:
-            target = min(here.shortening + step, MOST_SHORTENING * rest_length)
+        while here.shortening < MAX_SHORTENING * rest_length:
+            target = min(here.shortening + step, MAX_SHORTENING * rest_length)
             if progress is not None:
                 progress(target)
             outcome = self._settle(target, here)
             jump = (
                 0.0 if isinstance(outcome, Outcome) else float(np.abs(outcome.position - here.position).max())
             )
-            if isinstance(outcome, Outcome) or jump > MOST_JUMP * self.size:
+            if isinstance(outcome, Outcome) or jump > MAX_JUMP * self.size:
                 status, message = "snaps", f"a node jumps by {jump:.3g} m"
                 if isinstance(outcome, Outcome):
                     status, message = outcome.status, outcome.message
@@ -227,7 +227,7 @@ class _Shortening:
             remaining = -here.margin / slope if slope < 0.0 else np.inf
             if remaining <= ROOT * rest_length:
                 return self._record(name, "tips", here, before, remaining, "")
-            step = min(2 * step, MOST_STEP * rest_length, NEAR_ROOT * remaining)
+            step = min(2 * step, MAX_STEP * rest_length, NEAR_ROOT * remaining)
         return self._record(name, status, here, here, 0.0, message)
 
     def _settle(self, shortening: float, state: _State) -> "_State | Outcome":
@@ -237,7 +237,7 @@ class _Shortening:
         problem = build_problem(self.model, {**self.given, "rest_length": length})
         problem.ground_contacts.friction = self.friction
         reached = state.coordinate, state.position, state.feet
-        outcome = step_on_ground(problem, *reached, tolerance=TIGHT, max_iterations=MOST_ITERATIONS)
+        outcome = step_on_ground(problem, *reached, tolerance=TIGHT, max_iterations=MAX_ITERATIONS)
         if outcome.status not in FOUND:
             return outcome
         at = outcome.point.coordinate
@@ -251,7 +251,7 @@ class _Shortening:
     def _record(
         self, name: str, status: str, here: _State, before: _State, remaining: float, message: str
     ) -> Tip:
-        """Return what happens at the shortening `left` beyond the last equilibrium, to first order."""
+        """Return the event at a remaining shortening beyond the last equilibrium, to first order."""
         feet = here.feet
         presses = np.array([state != "open" for state in feet.state])
         foot = tuple(state for state, pressed in zip(feet.node_name, presses, strict=True) if pressed)

@@ -96,7 +96,7 @@ class Contacts:
         self.limited, self.slack = True, ON_LIMIT
 
     def find_held(self, position: FloatArray) -> FloatArray:
-        """Return what closed contacts hold: rows over the coordinates, along n and where they do not slip."""
+        """Return rows over the coordinates that closed contacts hold, along n and where they do not slip."""
         depth, (bristle, slips), rows = self.depth(position), self.bristles(position), []
         for c in np.flatnonzero(depth > 0).tolist():
             size = np.linalg.norm(bristle[c])
@@ -173,7 +173,7 @@ class Contacts:
         return scipy.sparse.csc_array(self.motion.T @ scipy.sparse.block_diag(blocks) @ self.motion)
 
     def complete(self, quantity: str, value: Any, coordinate: FloatArray, position: FloatArray) -> Any:
-        """Return a quantity of the model with what it leaves out: friction's stiffness, the load factor."""
+        """Return a quantity of the model with friction's stiffness and the load factor, which it lacks."""
         missing = 1.0 - self.load_factor
         if quantity == "tangent_stiffness":
             return value + self.friction_stiffness(position, exact=self.exact)
@@ -192,7 +192,7 @@ class Contacts:
         return value
 
     def _find_trial(self, position: FloatArray) -> FloatArray:
-        """Return T, what the bristles would be without a limit, (n_contacts, n_tangents) [m]."""
+        """Return T, the bristles without a limit, (n_contacts, n_tangents) [m]."""
         moved, depth, closed, _, weight = self._weigh(position)
         if self.dragged is not None:
             return np.where(depth > 0, -LONG, 0.0)[:, None] * self.dragged

@@ -21,7 +21,7 @@ from tensegrity_codegen.system.errors import ConvergenceError, FormulationError
 
 GAP = 1e-9  # of the force on the feet: by how much cones may be violated
 CUT_GAP = 1e-12  # the same up to which planes are added, as long as that helps
-MOST_CUTS = 30  # rounds of cutting planes
+MAX_CUTS = 30  # rounds of cutting planes
 FIRST_CUTS = 8  # planes about each cone to begin with
 LARGEST_FRICTION = 1e3  # coefficient from which on friction counts as unlimited
 OPTIONS: Any = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
@@ -92,7 +92,7 @@ def find_foot_forces(problem: FootProblem, friction: float) -> FootForces:
     cost = np.zeros(count * width + 1)
     cost[-1] = 1.0
     previous_gap = np.inf
-    for _ in range(MOST_CUTS):
+    for _ in range(MAX_CUTS):
         rows = np.zeros((len(cuts), count * width + 1))
         for row, (i, direction) in zip(rows, cuts, strict=True):
             row[i * width] = -friction

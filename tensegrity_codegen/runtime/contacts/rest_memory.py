@@ -21,7 +21,7 @@ REST_QUANTITIES = ("settled_internal", "yield_margin", "plastic_elongation")  # 
 RING_QUANTITIES = ("ring_excess",)  # of cables with friction at rings
 RELAXED_QUANTITIES = ("relaxed_internal",)  # the same of viscous members
 ROUNDING = 1e-13  # of the largest flow
-MOST_SHOWN = 6
+MAX_SHOWN = 6
 
 
 class RestMemory:
@@ -107,14 +107,14 @@ def name_plastic(
 def describe_plastic(elongation: Mapping[str, float]) -> list[str]:
     """Return a line on members that have flowed, the farthest first; none where none has."""
     flowed = sorted((entry for entry in elongation.items() if entry[1]), key=lambda entry: -abs(entry[1]))
-    shown = name_list([f"{name} {value:.6g} m" for name, value in flowed], MOST_SHOWN)
+    shown = name_list([f"{name} {value:.6g} m" for name, value in flowed], MAX_SHOWN)
     return [f"plastic elongations at the end: {shown}"] if flowed else []
 
 
 def describe_slip(slid: Mapping[str, float]) -> list[str]:
-    """Return a line on what has slipped at rings, the most first; none where nothing has."""
+    """Return a line on slips at rings, the most first; none where nothing has."""
     moved = sorted((entry for entry in slid.items() if entry[1]), key=lambda entry: -abs(entry[1]))
-    shown = name_list([f"behind {name} {value:.6g} m" for name, value in moved], MOST_SHOWN)
+    shown = name_list([f"behind {name} {value:.6g} m" for name, value in moved], MAX_SHOWN)
     return [f"slipped through rings: {shown}"] if moved else []
 
 

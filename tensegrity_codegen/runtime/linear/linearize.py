@@ -240,7 +240,7 @@ class LinearModel(Summarised):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences about what the linear model does not hold for."""
+        """Sentences about the limits of the linear model."""
         sentences = []
         if self.slipping_feet:
             sentences.append(

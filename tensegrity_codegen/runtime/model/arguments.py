@@ -71,7 +71,7 @@ def check_argument_names(manifest: Manifest, names: Iterable[str], states: Itera
 
 
 def _explain_missing(name: str, valid_names: list[str]) -> str:
-    """Return what to do about a word that is no argument at run time."""
+    """Return a hint for a word that is no argument at run time."""
     if name in ("coordinate", "velocity"):
         return "pass the initial state as coordinate= and velocity=, outside of arguments"
     if name == INPUT:

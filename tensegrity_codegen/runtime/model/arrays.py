@@ -15,10 +15,10 @@ from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.system.files import check_ending, replaced
 from tensegrity_codegen.tables.precision import Precision
 
-MOST_LISTED = 10_000_000  # numbers of a range
+MAX_LISTED = 10_000_000  # numbers of a range
 # Bytes of the arrays of a result file that are compressed: zlib takes about 1 s for 20 MB of them.
-MOST_COMPRESSED = 64 * 2**20
-MOST_UNPACKED = 8 * MOST_COMPRESSED  # bytes of compressed arrays that are read
+MAX_COMPRESSED = 64 * 2**20
+MAX_UNPACKED = 8 * MAX_COMPRESSED  # bytes of compressed arrays that are read
 # What NumPy and zipfile raise for damaged files: bad headers, lengths, checksums, methods, single arrays.
 UNREADABLE = (
     OSError,
@@ -48,12 +48,12 @@ def check_finite(array: NDArray[Any], where: str, problem: str = "not finite") -
 
 def check_length(value: Any) -> None:
     """Raise ValueError for a range of numbers that would fill the memory as an array."""
-    if isinstance(value, range) and len(value) > MOST_LISTED:
+    if isinstance(value, range) and len(value) > MAX_LISTED:
         raise ValueError("too many numbers")
 
 
 def to_doubles(value: ArrayLike, where: str, allowed: str) -> NDArray[np.float64]:
-    """Return real numbers as an array; raises InvalidValueError, naming what is allowed, for others."""
+    """Return real numbers as an array; raises InvalidValueError, with `allowed`, for others."""
     try:
         check_length(value)
         numbers = np.asarray(value)
@@ -128,7 +128,7 @@ def to_batch(
 
 
 def agree_on_rows(lengths: Mapping[str, int], where: str, hint: str) -> int:
-    """Return the number of rows of all arrays of a batch; hint: what to call for a single element."""
+    """Return the number of rows of all arrays of a batch; hint: the function for a single element."""
     if not lengths:
         raise InvalidValueError(
             "no argument has a batch axis",
@@ -147,11 +147,11 @@ def agree_on_rows(lengths: Mapping[str, int], where: str, hint: str) -> int:
 
 
 def write_arrays(path: str | Path, arrays: Mapping[str, NDArray[Any]], *, overwrite: bool) -> None:
-    """Write arrays to an .npz file, whole or not at all, compressed up to MOST_COMPRESSED bytes."""
+    """Write arrays to an .npz file, whole or not at all, compressed up to MAX_COMPRESSED bytes."""
     check_ending(path, ".npz")
     named_arrays: dict[str, Any] = dict(arrays)
     size = sum(np.asarray(array).nbytes for array in named_arrays.values())
-    save = np.savez_compressed if size <= MOST_COMPRESSED else np.savez
+    save = np.savez_compressed if size <= MAX_COMPRESSED else np.savez
     with replaced(path, overwrite=overwrite) as temporary, temporary.open("wb") as file:
         save(file, **named_arrays)
 
@@ -162,13 +162,13 @@ def read_arrays(path: Path, names: Collection[str] | None = None) -> dict[str, N
         chosen = [name for name in archive.files if names is None or name in names]
         packed = [entry for entry in archive.zip.infolist() if entry.compress_type != ZIP_STORED]
         size = sum(entry.file_size for entry in packed if entry.filename.removesuffix(".npy") in chosen)
-        if size > MOST_UNPACKED:
-            raise ValueError(f"compressed arrays of {size >> 20} MB; up to {MOST_UNPACKED >> 20} MB are read")
+        if size > MAX_UNPACKED:
+            raise ValueError(f"compressed arrays of {size >> 20} MB; up to {MAX_UNPACKED >> 20} MB are read")
         return {name: archive[name] for name in chosen}
 
 
 def read_names(path: Path) -> tuple[str, ...]:
-    """Return the names of the arrays of an .npz file; raises one of UNREADABLE for what is none."""
+    """Return the names of the arrays of an .npz file; raises one of UNREADABLE for other files."""
     with _opened_archive(path) as archive:
         return tuple(archive.files)
 

@@ -25,7 +25,7 @@ class Model(Protocol):
         ...
 
     def compute(self, quantity: str, /, **arguments: Any) -> Any:
-        """Return `quantity`: a float, an array or a sparse array; NonFiniteError for what is not finite."""
+        """Return `quantity`: a float, an array or a sparse array; NonFiniteError if not finite."""
         ...
 
     def nominal(self, argument: str, /) -> NDArray[np.float64]:
@@ -48,7 +48,7 @@ class Described(Protocol):
 
 
 def require_model(model: Any) -> None:
-    """Raise InvalidValueError for what is no model, such as the path of a scene."""
+    """Raise InvalidValueError unless this is a model; the path of a scene is none."""
     if not isinstance(getattr(model, "manifest", None), Manifest):
         raise InvalidValueError(
             "not a compiled model",

@@ -159,7 +159,7 @@ def _check_target(path: Path, manifest: Manifest) -> None:
 
 
 def _explain_refusal(path: Path, error: OSError) -> LibraryError:
-    """Return the error for a file that the system does not load; what it is for, where that is the reason."""
+    """Return the error for a file that the system does not load, with its machine if that is the reason."""
     try:
         with path.open("rb") as file:
             binary = describe_binary(file.read(2**16))
@@ -326,5 +326,5 @@ class BatchFunction:
 
 
 def check_threads(threads: int) -> None:
-    """Raise InvalidValueError for what is no number of threads."""
+    """Raise InvalidValueError unless this is a number of threads."""
     check_whole(threads, "threads", 1, problem="not a number of threads")

@@ -59,7 +59,7 @@ class CompiledFunction:
         return self._batch
 
     def wrap(self, result: FloatArray) -> Any:
-        """Return raw values as what a caller expects: a float, an array or a sparse array."""
+        """Return raw values as a float, an array or a sparse array."""
         pattern = self.spec.pattern
         if pattern is not None:
             indices = (pattern.row.copy(), pattern.column_start.copy())  # the caller may change the matrix

@@ -16,7 +16,7 @@ from tensegrity_codegen.tables.manifest import Manifest
 # Part of a bar's direction that the others leave free, below which it repeats them.
 DEPENDENCE_TOLERANCE = 1e-9
 DENSE_BARS = 40  # bars up to which forces and corrections are found in least squares
-MOST_CORRECTIONS = 25
+MAX_CORRECTIONS = 25
 EPSILON = float(np.finfo(float).eps)
 
 
@@ -52,7 +52,7 @@ class RigidBars:
         return vectors
 
     def gap(self, position: FloatArray) -> FloatArray:
-        """Return lengths minus what they are kept at, (n_bars,) [m]."""
+        """Return lengths minus the kept ones, (n_bars,) [m]."""
         gap: FloatArray = np.linalg.norm(self.vectors(position), axis=1) - self.length
         return gap
 
@@ -105,7 +105,7 @@ class RigidBars:
     def place(self, locate: Callable[[FloatArray], FloatArray], coordinate: FloatArray) -> FloatArray | None:
         """Return the nearest coordinates at which all bars have their lengths, None if none is found."""
         placed, before = np.array(coordinate, dtype=float), np.inf
-        for _ in range(MOST_CORRECTIONS):
+        for _ in range(MAX_CORRECTIONS):
             position = locate(placed)
             gap = self.gap(position)
             worst = float(np.abs(gap).max(initial=0.0))

@@ -177,7 +177,7 @@ class EquilibriumSolver:
     def _refuse(
         self, status: int, passed: Mapping[str, FloatArray], tolerance: float, most_iterations: int
     ) -> None:
-        """Raise for what was wrong with the arguments."""
+        """Raise the error of wrong arguments."""
         reason = WORDS[status]
         if reason == "invalid_argument" or not np.isfinite(tolerance):
             raise InvalidValueError(

@@ -241,7 +241,7 @@ class _Path:
         return secant
 
     def _note_stops(self, state: PathState, tangent: FloatArray, values: FloatArray) -> None:
-        """Note what would end the path and is beyond zero already."""
+        """Note events that would end the path and are beyond zero already."""
         tracker = self.tracker
         crossed = np.zeros(len(values), dtype=bool)
         for index, watch in enumerate(tracker.owner):
@@ -427,7 +427,7 @@ def _check_lists(watches: Any, stop_at: Any) -> None:
 
 
 def _check_start(start: ArrayLike, least: float, most: float) -> FloatArray:
-    """Return a copy of the start; raise for what no path can begin with."""
+    """Return a copy of the start; raise where no path can begin."""
     begin = to_doubles(start, "start", "coordinates of shape (n,)").copy()
     factors = [to_doubles(value, name, "a number") for name, value in (("least", least), ("most", most))]
     if not (np.isfinite(begin).all() and all(np.isfinite(value).all() for value in factors)):

@@ -18,7 +18,7 @@ from tensegrity_codegen.runtime.model.arguments import merge_inputs, read_argume
 from tensegrity_codegen.runtime.model.arrays import to_doubles, to_sized
 from tensegrity_codegen.runtime.model.interface import Model, require_model
 from tensegrity_codegen.runtime.paths.model_path import GROWING
-from tensegrity_codegen.runtime.paths.ramp import MOST_FOLLOWED, Ramp, Way
+from tensegrity_codegen.runtime.paths.ramp import MAX_FOLLOWED, Ramp, Way
 from tensegrity_codegen.runtime.statics import equilibrium as search
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium, Snap
 from tensegrity_codegen.runtime.statics.newton import Progress
@@ -81,8 +81,8 @@ def find_load_snap(
     start = model.nominal("coordinate").ravel()
     if coordinate is not None:
         start = to_sized(coordinate, start.shape, "coordinate").ravel()
-    if len(start) > MOST_FOLLOWED:
-        return Snap(None, reason=f"paths of more than {MOST_FOLLOWED} coordinates are not followed")
+    if len(start) > MAX_FOLLOWED:
+        return Snap(None, reason=f"paths of more than {MAX_FOLLOWED} coordinates are not followed")
     try:
         is_loaded = any(value.any() for value in full.values())
         settled = ramp.settle(start, start if is_loaded else found.coordinate)
@@ -106,7 +106,7 @@ def _check_call(model: Any, found: Any, cables: Any, arguments: Any) -> None:
 
 
 def _compare(way: Way, found: Equilibrium) -> Snap:
-    """Return what the way of the loads says of the equilibrium that was found under them."""
+    """Return whether growing loads lead to the equilibrium that was found under them."""
     if way.failed:
         return Snap(None, reason=way.message)
     if way.limit is not None:

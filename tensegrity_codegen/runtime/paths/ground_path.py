@@ -13,10 +13,10 @@ from tensegrity_codegen.system.arrays import FloatArray
 
 LOCATED = 1e-7  # of the path: how closely events are located
 TOLERANCE = 1e-9
-MOST_ITERATIONS = 200  # of the search in a step
+MAX_ITERATIONS = 200  # of the search in a step
 KINDS = {"open": "lift", "slip": "slip", "stick": "stick"}  # kind of event by the state that begins
 ENDS = ("slides", "tips", "lifts_off")  # how structures cease to stand
-MOST_POINTS = 1000
+MAX_POINTS = 1000
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,8 @@ def follow_ground_path(path: ModelPath, *, most: float = 1.0, largest_step: floa
     status, message = "completed", "the load factor was reached"
     thorough = False  # Newton's method alone has found nothing since feet last changed their state
     while here.load_factor != most:
-        if len(points) > MOST_POINTS:
-            status, message = "step_limit", f"the load was not reached in {MOST_POINTS} steps"
+        if len(points) > MAX_POINTS:
+            status, message = "step_limit", f"the load was not reached in {MAX_POINTS} steps"
             break
         remaining = 1.0 - here.load_factor / most
         is_last = step >= remaining
@@ -91,7 +91,7 @@ def follow_ground_path(path: ModelPath, *, most: float = 1.0, largest_step: floa
 def _take_step(path: ModelPath, here: _State, load_factor: float, *, at_any_cost: bool) -> _State | Outcome:
     """Return the equilibrium at a load factor, or the outcome; at_any_cost: by a search for a minimum too."""
     problem = build_problem(path.model, path.static_arguments(load_factor))
-    most_iterations = MOST_ITERATIONS if at_any_cost else 0
+    most_iterations = MAX_ITERATIONS if at_any_cost else 0
     state = here.coordinate, here.position, here.feet
     outcome = step_on_ground(problem, *state, tolerance=TOLERANCE, max_iterations=most_iterations)
     if outcome.status not in FOUND:

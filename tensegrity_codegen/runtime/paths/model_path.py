@@ -195,7 +195,7 @@ class ModelPath:
         return tuple(manifest.node_name[node] for node in np.flatnonzero(held))
 
     def _growth(self, coordinate: FloatArray) -> FloatArray:
-        """Return what a load factor of 1 adds to the forces on coordinates, (n,); they are linear in it."""
+        """Return the forces on coordinates by a load factor of 1, (n,), in which they are linear."""
         forces = [np.asarray(self.compute(self._force, coordinate, factor)) for factor in (1.0, 0.0)]
         change: FloatArray = forces[0] - forces[1]
         return change
@@ -219,7 +219,7 @@ class ModelPath:
 
 
 def _check_growing(model: Model, patterns: Mapping[str, Any]) -> None:
-    """Raise where what is to grow is no load, or no run-time argument of the model."""
+    """Raise where a growing argument is no load, or no run-time argument of the model."""
     changeable = {argument.name for argument in model.manifest.arguments}
     for name in patterns:
         check_choice(name, GROWING, "load", "pattern")

@@ -15,7 +15,7 @@ from numpy.polynomial import Polynomial
 
 from tensegrity_codegen.runtime.contacts.rest_memory import RestMemory
 from tensegrity_codegen.runtime.paths.load_path import PathEvent, Watch
-from tensegrity_codegen.runtime.paths.path_solver import MOST_EIGENVALUES, PathSolver, PathState
+from tensegrity_codegen.runtime.paths.path_solver import MAX_EIGENVALUES, PathSolver, PathState
 from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
@@ -30,7 +30,7 @@ MAX_PREDICTION_ERROR = 0.5  # largest correction of a predicted point, as part o
 # Part of the end values that a cubic through the step must fall to before its minimum is sought.
 TOUCH_RATIO = 0.05
 OFFSET = 1e-7  # in z: how far before and behind a point flow is looked at
-LEAST_TURN = 1e-6  # of a step: a turn nearer to its start is at its start
+MIN_TURN = 1e-6  # of a step: a turn nearer to its start is at its start
 
 
 @dataclass
@@ -108,7 +108,7 @@ class EventTracker:
         remaining = [(self.end - state.load_factor) / span, above]
         size = float(np.abs(state.stiffness.diagonal()).max(initial=0.0)) or 1.0
         # Neutral motions come and go; what is no eigenvalue counts as positive.
-        eigenvalues = np.ones(MOST_EIGENVALUES)
+        eigenvalues = np.ones(MAX_EIGENVALUES)
         eigenvalues[: len(state.eigen[0])] = state.eigen[0] / size
         return np.concatenate([self.watched(state.z, state.solver), tangent[-1:], remaining, eigenvalues])
 
@@ -223,14 +223,14 @@ class EventTracker:
         return any(self.owner[index].is_kink for index in np.flatnonzero(crossed[: self.n_watched]))
 
     def find_stop(self, crossed: BoolArray) -> str:
-        """Return the name of what ends the path at this crossing, "" if nothing does."""
+        """Return the name of the event that ends the path here, "" if nothing does."""
         for index in np.flatnonzero(crossed[: self.n_watched]):
             if self.owner[index].stops and self.side[index] > 0:
                 return f"{self.owner[index].falling} of {self.name[index]}"
         return ""
 
     def _zero_modes(self, state: PathState, count: int) -> tuple[FloatArray, FloatArray]:
-        """Return the modes of the `count` eigenvalues nearest zero: all, and what the load does not push."""
+        """Return the modes of the `count` eigenvalues nearest zero: all, and those without load."""
         values, vectors = state.eigen
         zero_modes = vectors[:, np.argsort(np.abs(values))[:count]]
         load = state.solver.problem.load_vector(state.coordinate, state.load_factor)
@@ -303,7 +303,7 @@ class PathMemory:
                 return -1.0
             return float(self._look(state, step.tangent_at(state))[1][turned].min())
 
-        lower = LEAST_TURN * step.length
+        lower = MIN_TURN * step.length
         return find_root(rate, lower, step.length, 1e-10 * step.length) if rate(lower) > 0.0 else None
 
     def turn(
@@ -315,7 +315,7 @@ class PathMemory:
             here, flow = self.settle(state), self.states.flow
             assert here is not None
             has_flowed = here[flow] > self.states.start[flow]
-            turned |= has_flowed & (rates <= LEAST_TURN * np.abs(rates).max(initial=0.0))
+            turned |= has_flowed & (rates <= MIN_TURN * np.abs(rates).max(initial=0.0))
             if not turned.any():
                 break
             self.states.remember(turned, here)

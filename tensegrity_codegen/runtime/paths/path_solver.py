@@ -20,10 +20,10 @@ from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT, find_lowest_
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
-MOST_ITERATIONS = 15
+MAX_ITERATIONS = 15
 CORRECTION_TOLERANCE = 1e-9  # correction in units of z; the error left is of the order of its square
 ROUNDING_TOLERANCE = 1e-6  # largest correction that counts as rounding where it no longer shrinks
-MOST_EIGENVALUES = 8
+MAX_EIGENVALUES = 8
 SINGULAR_TOLERANCE = 1e-13  # part of the largest singular value, or of the norm, that counts as zero
 START_OFFSET_RATIO = 1e-7  # part of the largest coordinate by which the load is taken to push at the start
 BALANCE_TOLERANCE = 1e-6  # residual, as part of the largest load, above which a point is none
@@ -73,7 +73,7 @@ class PathState:
             basis = np.linalg.qr(self.neutral, mode="complete")[0][:, self.neutral.shape[1] :]
             matrix = basis.T @ matrix @ basis
         values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
-        return values[:MOST_EIGENVALUES], basis @ vectors[:, :MOST_EIGENVALUES]
+        return values[:MAX_EIGENVALUES], basis @ vectors[:, :MAX_EIGENVALUES]
 
     @property
     def smallest_eigenvalue(self) -> float:
@@ -110,7 +110,7 @@ class PathSolver:
     def solve(self, guess: FloatArray, normal: FloatArray, level: float) -> PathState | None:
         """Return the point of the path on the plane normal . z = level, None if Newton finds none."""
         z, before = np.array(guess), np.inf
-        for iteration in range(1, MOST_ITERATIONS + 1):
+        for iteration in range(1, MAX_ITERATIONS + 1):
             step = self._correction(z, normal, level)
             self.n_iterations += 1
             if step is None:

@@ -22,9 +22,9 @@ from tensegrity_codegen.system.arrays import FloatArray
 
 TRIAL_MOTION_RATIO = 0.1  # of the structure's size: trial motion, after which forces are computed
 ZERO_FORCE_TOLERANCE = 1e-7  # part of the forces along rigid motions that counts as none
-MOST_FOLLOWED = 3000  # coordinates up to which a path is followed
-MOST_STEPS = 300  # of small structures
-MOST_WORK = 30_000  # steps times coordinates of large ones
+MAX_FOLLOWED = 3000  # coordinates up to which a path is followed
+MAX_STEPS = 300  # of small structures
+MAX_WORK = 30_000  # steps times coordinates of large ones
 LARGEST_STEP, COARSE_STEP = 0.1, 0.25  # of small and of large structures
 FINEST_COARSE_STEP = 1e-5
 # Of the loads, by which a structure without stiffness is pushed to see where it goes.
@@ -195,17 +195,15 @@ class Ramp:
 
     def _follow(self, path: ModelPath, start: FloatArray, least: float, growing: str = "load") -> Way:
         """Return the end of a path of stable equilibria."""
-        if len(start) > MOST_FOLLOWED:
-            return Way(
-                failed=True, message=f"more than {MOST_FOLLOWED} coordinates: the path is not followed"
-            )
+        if len(start) > MAX_FOLLOWED:
+            return Way(failed=True, message=f"more than {MAX_FOLLOWED} coordinates: the path is not followed")
         pinned = pin_path(path, start) if growing == "prestress" else None
         way = self._trace(path, pinned, start, (least, 1.0))
         return _judge(path, way, growing)
 
     def _lead_back(self, path: ModelPath, start: FloatArray, near: FloatArray) -> Way | None:
         """Return the end of a path that leads back to `start`, which has no stiffness, or None."""
-        if path.memory is not None or len(start) > MOST_FOLLOWED:
+        if path.memory is not None or len(start) > MAX_FOLLOWED:
             return None
         end = _find_equilibrium(path, 1.0, near)
         if not end.is_found:
@@ -233,7 +231,7 @@ class Ramp:
         control = StepControl(
             largest=COARSE_STEP if large else LARGEST_STEP,
             smallest=FINEST_COARSE_STEP if large else StepControl.smallest,
-            most_steps=max(20, MOST_WORK // len(start)) if large else MOST_STEPS,
+            most_steps=max(20, MAX_WORK // len(start)) if large else MAX_STEPS,
         )
         return follow_path(
             pinned or path,

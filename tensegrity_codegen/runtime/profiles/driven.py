@@ -220,7 +220,7 @@ def check_memory(model: CompiledModel, schedule: DrivenArguments) -> None:
 def _check_constant(
     schedule: DrivenArguments, compute: Callable[[float], FloatArray], problem: str, **advice: str
 ) -> None:
-    """Raise InvalidValueError where a profile changes what is computed at a time [s]."""
+    """Raise InvalidValueError where a profile changes a result that is computed at times [s]."""
     initial = compute(0.0)
     for time in _list_times(schedule):
         if (compute(time) != initial).any():

@@ -95,7 +95,7 @@ class Profile(Summarised):
             )
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return what a pickle makes the profile again from."""
+        """Return the fields from which a pickle makes the profile again."""
         return reduce_fields(self)
 
     @property

@@ -1,4 +1,4 @@
-"""The equations of an equilibrium to first order: what one metre of rest length does to forces and tensions.
+"""The equations of an equilibrium to first order: changes of forces and tensions by one metre of rest length.
 
     K dx + J^T dt_b = F drho        forces on the coordinates stay in balance
     J dx            = dl_b          rigid bars keep their lengths, which may change themselves
@@ -40,7 +40,7 @@ REST_LENGTH_QUANTITIES = (
     "tension_rest_length_derivative",
     "tension_jacobian",
 )
-LEAST_RAISE = float(np.finfo(np.float64).eps)  # [N/m], where a structure has no stiffness at all
+MIN_RAISE = float(np.finfo(np.float64).eps)  # [N/m], where a structure has no stiffness at all
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ class Bordered:
         self._factor = scipy.sparse.linalg.splu(self._matrix)
 
     def solve(self, right: FloatArray, border: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-        """Return dx (n, k), multipliers and what a refinement changed; border: wanted border dx [m]."""
+        """Return dx (n, k), multipliers and the change by a refinement; border: required border dx [m]."""
         right_side = np.vstack([right, self.unit * border])
         solution = self._factor.solve(right_side)
         change = self._factor.solve(right_side - self._matrix @ solution)
@@ -168,7 +168,7 @@ def factorise(stiffness: Any, border: Any, held: FloatArray, rounding: float) ->
     try:
         return Bordered(stiffness, border, held), True
     except RuntimeError:  # a pivot is zero
-        raised = rounding or LEAST_RAISE
+        raised = rounding or MIN_RAISE
     while True:
         try:
             raised_stiffness = stiffness + raised * scipy.sparse.eye_array(stiffness.shape[0])

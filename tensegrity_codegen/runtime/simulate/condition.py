@@ -75,7 +75,7 @@ def build_part(tree: ast.expr, manifest: Manifest) -> Part:
 
 
 def build_difference(node: ast.expr) -> ast.expr:
-    """Return what a comparison stands for, positive where it holds; anything else as it is."""
+    """Return the difference of a comparison, positive where it holds; anything else as it is."""
     if not isinstance(node, ast.Compare):
         return node
     pair = (node.comparators[0], node.left)

@@ -73,7 +73,7 @@ def shorten_part(node: ast.AST) -> str:
 
 
 def name_part(part: str, text: str) -> str:
-    """Return what an error names: a part of a condition and the whole of it."""
+    """Return the text of an error: a part of a condition and the whole of it."""
     return text if part == text else f"{part}, in {text}"
 
 

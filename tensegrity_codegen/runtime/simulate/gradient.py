@@ -30,7 +30,7 @@ START = ("coordinate", "velocity", "internal")
 # for motions that bend within the first, with the error from which on it is tried; how much tighter the steps
 # of their motions are, and the least tolerance of these; the size of inputs that are all zero.
 STEPS, BENT = (1e-5, 1e-6), 1e-5
-TIGHTER, LEAST_RTOL, INPUT_SIZE = 100.0, 1e-13, 0.01
+TIGHTER, MIN_RTOL, INPUT_SIZE = 100.0, 1e-13, 0.01
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,7 @@ def motion_gradient(
         inputs = nearby.move(step)
         options: dict[str, Any] = {
             "method": method,
-            "rtol": max(rtol / TIGHTER, LEAST_RTOL),
+            "rtol": max(rtol / TIGHTER, MIN_RTOL),
             "stepping": Stepping(control="steps"),
         }
         moved = simulate(model, t_end, samples=samples, **options, **inputs)
@@ -288,7 +288,7 @@ def read_loss(loss: Loss, motion: Trajectory) -> tuple[float, dict[str, FloatArr
 
 
 def find_observed(motion: Trajectory, name: str) -> FloatArray:
-    """Return what a loss may depend on, at the samples."""
+    """Return a quantity of OBSERVED, at the samples."""
     return motion.member_tension if name == "member_length" else np.asarray(getattr(motion, name))
 
 

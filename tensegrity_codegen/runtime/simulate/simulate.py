@@ -31,7 +31,7 @@ from tensegrity_codegen.system.checks import check_callback, check_switch, with_
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.manifest import JUMP_KINDS
 
-CONTACT_QUANTITIES = ("bar_distance",)  # what contacts need besides what a simulation needs
+CONTACT_QUANTITIES = ("bar_distance",)  # that contacts need besides those of a simulation
 SAME_TIME = 1e-9  # of the simulated time: contacts this near happen at once
 
 
@@ -63,7 +63,7 @@ class Until:
         arguments: Mapping[str, Any],
         schedule: Schedule | None = None,
     ) -> Watch | None:
-        """Return what the integrator shall watch, jumps of stiffness too if it knows them; None: as usual."""
+        """Return the events for the integrator, jumps of stiffness too if it knows them; None: as usual."""
         condition = self.condition
         kinds: list[str] = []
         stop: list[str] = []
@@ -136,7 +136,7 @@ class Until:
 
 
 def read_until(until: "Until | str | Condition | None") -> Until:
-    """Return what ends a motion: "contact", a condition, or an `Until`; raises InvalidValueError."""
+    """Return the end of a motion: "contact", a condition, or an `Until`; raises InvalidValueError."""
     if not isinstance(until, Until):
         return Until(contact=True) if isinstance(until, str) and until == "contact" else Until(until)
     check_switch(until.contact, "until.contact")

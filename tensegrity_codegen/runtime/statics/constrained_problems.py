@@ -89,7 +89,7 @@ class BarProblem(StaticProblem):
         self._last: _Place | None = None
 
     def forget(self) -> None:
-        """Drop what is kept of the last configuration."""
+        """Drop the stored configuration."""
         self._last = None
 
     @classmethod
@@ -146,7 +146,7 @@ class BarProblem(StaticProblem):
         return self.find_point(placed)
 
     def directions(self, coordinate: FloatArray) -> Any:
-        """Return the orthonormal basis Z of what keeps the lengths, sparse (n_coordinates, n_directions)."""
+        """Return the orthonormal basis Z that keeps the lengths, sparse (n_coordinates, n_directions)."""
         return self._at(coordinate).directions
 
     def directional_residual(self, point: Point) -> FloatArray:
@@ -161,7 +161,7 @@ class BarProblem(StaticProblem):
         return state.residual, tension
 
     def residual(self, coordinate: FloatArray) -> FloatArray:
-        """Return what the bars leave of the forces, (n_coordinates,) [N]; raises NonFiniteError."""
+        """Return the forces that bars do not balance, (n_coordinates,) [N]; raises NonFiniteError."""
         return self._at(coordinate).residual
 
     def stiffness(self, coordinate: FloatArray) -> Any:

@@ -22,14 +22,14 @@ from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProbl
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.tables.strands import Strands
 
-MOST_TURN = 1.0  # largest difference of the ends of a member in one step, as part of its length
-LEAST_LENGTH = 0.1  # of the longest member: shorter ones count as so long where turns are measured
+MAX_TURN = 1.0  # largest difference of the ends of a member in one step, as part of its length
+MIN_LENGTH = 0.1  # of the longest member: shorter ones count as so long where turns are measured
 SMALL_TURN = 0.02  # below it, rounding and not the model decides about the energy of a member
-LEAST_PART = 0.125  # smallest part of the compression that is damped
+MIN_PART = 0.125  # smallest part of the compression that is damped
 FIRST_DAMPING = 0.1  # of the largest force over the length: damping of members that were not damped before
 FORGOTTEN = 1e-6  # of the largest force over the length: smaller damping counts as none
 LATE_ATTEMPT = 8  # from which on all members are damped more
-MOST_FACTORS = 60  # factorisations until the matrix has to be positive definite
+MAX_FACTORS = 60  # factorisations until the matrix has to be positive definite
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def locate_members(position: FloatArray, strands: Strands, point: Any) -> Member
     force = np.maximum(point.largest_force, point.node_force)[..., None]
     longest = np.asarray(point.longest)[..., None]
     length = np.sqrt((vector**2).sum(axis=-1))
-    length = np.where(length > 0.0, length, LEAST_LENGTH * longest)
+    length = np.where(length > 0.0, length, MIN_LENGTH * longest)
     return Members(vector, length, strands.spread(point.tension), force, longest)
 
 
@@ -68,7 +68,7 @@ def find_turn(moved: FloatArray, here: Members, there: Members | None) -> FloatA
     difference = np.sqrt((moved**2).sum(axis=-1))
     if there is not None:
         difference[(here.tension == 0.0) & (there.tension == 0.0)] = 0.0
-    return np.asarray(difference / np.maximum(here.length, LEAST_LENGTH * here.longest))
+    return np.asarray(difference / np.maximum(here.length, MIN_LENGTH * here.longest))
 
 
 @dataclass
@@ -95,12 +95,12 @@ class Damping:
         is_partial = self.compression_part < 1.0
         shift = np.maximum.reduce([4 * self.shift, 1e-3 * here.density, 10 * least_shift])
         self.shift = np.where(is_partial, self.shift, shift)
-        fraction = np.maximum(2 * self.compression_part, LEAST_PART)
+        fraction = np.maximum(2 * self.compression_part, MIN_PART)
         self.compression_part = np.where(is_partial, fraction, self.compression_part)
 
     def hold(self, turn: FloatArray, here: Members) -> None:
         """Damp the members that turn most, after a step whose end has no energy, or too far to be trusted."""
-        turns_most = turn > 0.5 * np.minimum(MOST_TURN, turn.max(axis=-1, initial=0.0, keepdims=True))
+        turns_most = turn > 0.5 * np.minimum(MAX_TURN, turn.max(axis=-1, initial=0.0, keepdims=True))
         initial = FIRST_DAMPING * here.force / here.length
         self.sigma = np.where(turns_most, np.maximum(4 * self.sigma, initial), self.sigma)
 
@@ -175,12 +175,12 @@ class MemberDamping(Damping):
         return locate_members(self.problem.node_position(point.coordinate), self.problem.strands, point)
 
     def factorise(self, stiffness: Any, difference: Any, point: Point, here: Members) -> Solve | None:
-        """Return the solution with enough damping; None where MOST_FACTORS factorisations do not find one."""
+        """Return the solution with enough damping; None where MAX_FACTORS factorisations do not find one."""
         matrix = stiffness.toarray() if stiffness.shape[0] <= DENSE_LIMIT else stiffness
         least_shift = find_least_shift(self.problem.bound_rounding(stiffness, point.coordinate), here)
         tension = self.problem.strands.spread(self.problem.find_stiff_tension(point))
         compression = np.maximum(-tension, 0.0) / here.length
-        for _ in range(MOST_FACTORS):
+        for _ in range(MAX_FACTORS):
             weight, shift = self.find_weight(compression), float((self.shift + least_shift)[0])
             solve = self.factoriser.factorise(_add(matrix, difference, weight, shift))
             if solve is not None:

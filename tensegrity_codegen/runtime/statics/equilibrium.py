@@ -54,9 +54,9 @@ from tensegrity_codegen.tables.static_methods import METHODS, Method
 
 ACCURACY = 2e-11  # of the largest tension: how near to the capstan's limit rings come
 PROBE = 1e-6  # of the longest member: slip by which derivatives are found
-MOST_ITERATIONS = 40
-LEAST_PART = 1 / 64  # of a step of Newton's method
-MOST_WAITED = 4  # iterations in a row without an excess that is less by a tenth
+MAX_ITERATIONS = 40
+MIN_PART = 1 / 64  # of a step of Newton's method
+MAX_WAITED = 4  # iterations in a row without an excess that is less by a tenth
 NO_RESISTANCE = 1e-3  # of what is beyond the limit: change of that by a slip as long as the longest member
 LARGEST_SLIP = 0.2  # of the longest member, in one step
 # By the kind of static problem of the formulation.
@@ -79,7 +79,7 @@ class _State:
     excess: FloatArray  # (n_rings, 2) [N], tensions beyond the limit, behind each ring and before it
 
     def find_gap(self, slope: float) -> tuple[FloatArray, Any]:
-        """Return what is to be zero, (n_rings,) [m], and which way each ring slips, 0: it sticks."""
+        """Return the gap to be closed, (n_rings,) [m], and directions of slip, 0 where a ring sticks."""
         forth, back = self.slid + self.excess[:, 0] * slope, self.slid - self.excess[:, 1] * slope
         side = np.where(forth > 0, 1, np.where(back < 0, -1, 0))
         return self.slid - np.maximum(0.0, forth) - np.minimum(0.0, back), side
@@ -123,13 +123,13 @@ def slip_until_held(problem: StaticProblem, start: Point, search: Callable[[Poin
     size = float(np.max(problem.compute("member_length", state.outcome.point.coordinate)))
     slope = first_slope = PROBE * size / max(state.outcome.point.largest_force, 1e-300)
     best, least_gap, waited = state, np.inf, 0
-    for _ in range(MOST_ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         point = state.outcome.point
         largest = float(np.abs(state.find_gap(first_slope)[0]).max())
         waited = 0 if largest < 0.9 * least_gap else waited + 1
         if largest < least_gap:
             best, least_gap = state, largest
-        if waited > MOST_WAITED:
+        if waited > MAX_WAITED:
             break
         gap, side = state.find_gap(slope)
         rounding = problem.rounding_floor(problem.stiffness(point.coordinate), point)
@@ -152,7 +152,7 @@ def slip_until_held(problem: StaticProblem, start: Point, search: Callable[[Poin
             ):
                 break
             fraction /= 2
-            if fraction < LEAST_PART:
+            if fraction < MIN_PART:
                 break
         if trial is None:
             break

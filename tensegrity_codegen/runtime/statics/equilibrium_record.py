@@ -1,4 +1,4 @@
-"""The record of a search for an equilibrium: what was found, and how far the structure moved to reach it."""
+"""The record of a search for an equilibrium: its result, and the motion of the structure to reach it."""
 
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -263,7 +263,7 @@ class Equilibrium(ByName, Summarised):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences about what may be unexpected in the result; none where no equilibrium was found."""
+        """Sentences about unexpected results; none where no equilibrium was found."""
         if not self.is_found:
             return ()
         sentences = []

@@ -44,7 +44,7 @@ def _factorise_dense(matrix: FloatArray) -> Solve | None:
 
 
 def _analyse(matrix: Any) -> "_Cholmod | _SuperLU":
-    """Return what factorises matrices of the pattern of a sparse one."""
+    """Return the factoriser of matrices of the pattern of a sparse one."""
     try:
         from sksparse import cholmod  # of scikit-sparse, extra [sparse]
     except ImportError:

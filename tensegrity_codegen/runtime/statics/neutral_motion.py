@@ -16,7 +16,7 @@ from tensegrity_codegen.system.arrays import FloatArray
 
 AXIS_ANGLE_TOLERANCE = 1e-6  # sine of the angle up to which a direction counts as that of an axis
 RANK_TOLERANCE = 1e-8  # part of a unit motion that counts as none
-MOST_FITS = 60
+MAX_FITS = 60
 LARGEST_TURN = 1.0  # [rad] of one step of the fit
 START_TURN = 2.0  # [rad], turns from which the fit begins besides none
 
@@ -53,7 +53,7 @@ class NeutralMotions:
         return distance
 
     def _fit(self, start: FloatArray, end: FloatArray) -> FloatArray:
-        """Return the start moved as one rigid body along the neutral motions, nearest to what was found."""
+        """Return the start moved as one rigid body along the neutral motions, nearest to the end."""
         if not len(self.twist):
             return start
         # Combined so that turns are apart from slides: a slide with a tiny turn would be carried far away.
@@ -67,7 +67,7 @@ class NeutralMotions:
         return min(ends, key=lambda candidate: float(np.linalg.norm(end - candidate)))
 
     def _fit_from(self, position: FloatArray, end: FloatArray) -> FloatArray:
-        for _ in range(MOST_FITS):
+        for _ in range(MAX_FITS):
             fields = _fields(self.twist, position - self.centre)
             rates = np.linalg.lstsq(fields, (end - position).ravel(), rcond=None)[0]
             twist = rates @ self.twist

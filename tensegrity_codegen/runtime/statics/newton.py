@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.runtime.statics.damping import MOST_TURN, MemberDamping, find_turn
+from tensegrity_codegen.runtime.statics.damping import MAX_TURN, MemberDamping, find_turn
 from tensegrity_codegen.runtime.statics.factors import find_lowest_curvature
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem, find_neutral_motions
 from tensegrity_codegen.system.arrays import FloatArray
@@ -29,17 +29,17 @@ Progress = Callable[[int, float], None]
 
 FOUND = ("converged", "rounding_limited")  # status of searches that end in an equilibrium
 ENERGY_DIGITS = 1e-11  # of the energy's scale: smaller savings are judged by the forces
-MOST_ATTEMPTS = 40  # steps with more and more damping from one configuration
-LEAST_SAVING = 0.1  # of the energy that the damped model says a step saves
+MAX_ATTEMPTS = 40  # steps with more and more damping from one configuration
+MIN_SAVING = 0.1  # of the energy that the damped model says a step saves
 MAX_STALLED_ITERATIONS = 6  # iterations without a better residual once rounding is reached
-MOST_ESCAPES = 20
+MAX_ESCAPES = 20
 MIN_STEP_RATIO = 1e-15  # times the structure's size: no step is shorter
-MOST_WORK = 3e7  # factorisations times coordinates; some minutes on one core
+MAX_WORK = 3e7  # factorisations times coordinates; some minutes on one core
 # Times the structure's size, in relaxation the longest member: beyond, the motion counts as unbounded.
 MAX_MOTION_RATIO = 1e5
 MASS_FACTOR = 0.6
 REFRESH = 25  # steps between two looks at the stiffness
-MOST_RETREATS = 30
+MAX_RETREATS = 30
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ def find_minimum(
 
     status: "converged"; "rounding_limited" (the residual is as small as rounding lets it be, and larger
     than asked); "unstable" (a saddle that no step leaves); "unbounded"; "stalled"; "iteration_limit";
-    "work_limit" (a large problem has taken MOST_WORK).
+    "work_limit" (a large problem has taken MAX_WORK).
     """
     search = _Search(problem, start)
     for iteration in range(max_iterations):
@@ -146,7 +146,7 @@ class _Search:
         """Return status and message where the search has taken as long as anybody waits."""
         size = self.problem.size
         n_factors = self.damping.factoriser.n_factors
-        if n_factors * size <= MOST_WORK:
+        if n_factors * size <= MAX_WORK:
             return None
         return "work_limit", f"no convergence after {n_factors} factorisations with {size} coordinates"
 
@@ -199,7 +199,7 @@ class _Search:
         self.stability, self.stable_point = stability, self.point
         if not stability.is_unstable:
             return status, message
-        if self.escapes < MOST_ESCAPES and self._escape(stability):
+        if self.escapes < MAX_ESCAPES and self._escape(stability):
             self.escapes += 1
             return None
         return "unstable", "an unstable equilibrium (a saddle of the energy), which no step could leave"
@@ -227,7 +227,7 @@ class _Search:
         neutral = self._find_undriven_motions(stiffness, floor)
         force = _project(problem.directional_residual(point), neutral)
         here = damping.locate(point)
-        for attempt in range(MOST_ATTEMPTS):
+        for attempt in range(MAX_ATTEMPTS):
             solve = damping.factorise(path, difference, point, here)
             if solve is None:
                 return False
@@ -238,7 +238,7 @@ class _Search:
             moved = (difference @ step).reshape(-1, 3)
             end = None if trial is None else damping.locate(trial)
             turn = find_turn(moved, here, end)
-            if trial is None or end is None or turn.max(initial=0.0) > MOST_TURN:
+            if trial is None or end is None or turn.max(initial=0.0) > MAX_TURN:
                 damping.hold(turn, here)
                 continue
             damped, predicted = float(force @ step) / 2, float(force @ step - step @ (path @ step) / 2)
@@ -252,7 +252,7 @@ class _Search:
                 if better is not None and better.energy < trial.energy:
                     trial, saved = better, self._saving(better, by_force=by_force)
                     need = damping.find_need(moved, here, damping.locate(trial), problem.kept_strands)
-            if saved >= LEAST_SAVING * damped or (by_force and trial.node_force < 0.9 * point.node_force):
+            if saved >= MIN_SAVING * damped or (by_force and trial.node_force < 0.9 * point.node_force):
                 damping.relax(need, turn, saved / max(predicted, 1e-300), attempt == 0)
                 damping.forget_small(here)
                 self.point = trial
@@ -388,6 +388,6 @@ class _Motion:
         self.margin *= 4
         self.mass = self.mass * 4
         self._rest_at(self.point.coordinate, self.point.residual)
-        if self.retreats > MOST_RETREATS:
+        if self.retreats > MAX_RETREATS:
             return "stalled", "the fictitious motion is unstable"
         return None

@@ -26,17 +26,17 @@ from tensegrity_codegen.runtime.statics.newton import (
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.system.arrays import FloatArray
 
-FIRST_STEPS, MOST_STEPS = 4, 64  # of the load
+FIRST_STEPS, MAX_STEPS = 4, 64  # of the load
 SETTLED = 1e-9  # of the structure's size: change with twice the steps up to which a result is settled
-LEAST_PART = 1 / 8  # of a step of the load, to which it is cut where no balance is found
+MIN_PART = 1 / 8  # of a step of the load, to which it is cut where no balance is found
 UNBALANCED = 1e-9  # of all loads: what they may add up to along the ground without friction
-MOST_NEWTON = 30  # iterations of Newton's method in a step of the load
-MOST_UPDATES = 3  # of the limits of friction
-MOST_HALVINGS = 12  # of one step of Newton's method
+MAX_NEWTON = 30  # iterations of Newton's method in a step of the load
+MAX_UPDATES = 3  # of the limits of friction
+MAX_HALVINGS = 12  # of one step of Newton's method
 LIFT = 10.0  # times the structure's size: height at which it settles before it touches
 FARTHEST = 10.0  # times the structure's size: way in a step of the load, beyond which a structure slides away
 OUT_OF_ITERATIONS = ("iteration_limit", "work_limit")
-MOST_TILT = float(np.radians(15.0))  # turn about an axis along the plane, beyond which a structure has tipped
+MAX_TILT = float(np.radians(15.0))  # turn about an axis along the plane, beyond which a structure has tipped
 
 Search = Callable[[Point], Outcome]
 
@@ -91,7 +91,7 @@ def _judge(problem: StaticProblem, begun: FloatArray, outcome: Outcome) -> Outco
     before, after = problem.node_position(begun), problem.node_position(outcome.point.coordinate)
     structure, mu = contacts.structure, contacts.ground.friction if contacts.friction else 0.0
     tilt = find_tilt(before, after, contacts.ground.normal)
-    if tilt > MOST_TILT:
+    if tilt > MAX_TILT:
         touching = zip(structure.contact_name, contacts.depth(after), strict=True)
         feet = ", ".join(name for name, depth in touching if depth > 0)
         onto = f" onto {feet}" if outcome.status in FOUND and feet else ""
@@ -262,7 +262,7 @@ class _Loading:
             if coarser is not None:
                 moved = equilibrium.coordinate - coarser.coordinate
                 self.contacts.change = self.problem.largest_node_norm(moved)
-                if self.contacts.change <= SETTLED * self.size or count >= MOST_STEPS:
+                if self.contacts.change <= SETTLED * self.size or count >= MAX_STEPS:
                     break
             coarser, count = equilibrium, 2 * count
         message = ""
@@ -320,7 +320,7 @@ class _Loading:
             problem.forget()
             start = here if reached else _press_in(problem, here, self.held)
             equilibrium = self._balance(start)
-            if equilibrium is None and not self.is_hopeless and (step := step / 2) >= LEAST_PART / count:
+            if equilibrium is None and not self.is_hopeless and (step := step / 2) >= MIN_PART / count:
                 continue
             if equilibrium is None or not self._is_upright(equilibrium):
                 self._explain(equilibrium, reached)
@@ -345,7 +345,7 @@ class _Loading:
         if self.held:
             return True
         before, after = (self.problem.node_position(q) for q in (self.touching, point.coordinate))
-        return find_tilt(before, after, self.contacts.ground.normal) <= MOST_TILT
+        return find_tilt(before, after, self.contacts.ground.normal) <= MAX_TILT
 
     def _explain(self, equilibrium: Point | None, reached: float) -> None:
         """Take the reason for which the way ends: it has tipped, or no balance was found."""
@@ -384,7 +384,7 @@ class _Loading:
         """Return where feet slide with constant limits of friction, an energy, updated a few times."""
         contacts = self.contacts
         contacts.limited = True
-        for _ in range(MOST_UPDATES if contacts.dragged is None and contacts.friction else 0):
+        for _ in range(MAX_UPDATES if contacts.dragged is None and contacts.friction else 0):
             contacts.limit = None
             contacts.limit = contacts.find_limit(self.problem.node_position(coordinate))
             self.problem.forget()
@@ -402,7 +402,7 @@ class _Loading:
         self.contacts.limited = True
         problem = self.problem
         point = problem.find_point(coordinate)
-        for _ in range(MOST_NEWTON):
+        for _ in range(MAX_NEWTON):
             if point is None:
                 return None
             self.iterations += 1
@@ -435,7 +435,7 @@ class _Loading:
         before = float(np.linalg.norm(force))
         if not np.isfinite(step).all():
             return None
-        for k in range(MOST_HALVINGS):
+        for k in range(MAX_HALVINGS):
             trial = self.problem.find_displaced_point(point.coordinate, step / 2**k)
             if trial is None:
                 continue

@@ -191,7 +191,7 @@ class StaticProblem:
 
     @classmethod
     def list_needed_quantities(cls, model: Model) -> tuple[str, ...]:
-        """Return what has to be among the quantities of this model."""
+        """Return the quantities that this model has to have."""
         return cls.quantities
 
     def to_search_coordinate(self, coordinate: FloatArray) -> FloatArray:
@@ -249,7 +249,7 @@ class StaticProblem:
         return self.internal if self.model.manifest.ring_name else None
 
     def forget(self) -> None:
-        """Drop what is kept of the last configuration: loads or contacts have changed."""
+        """Drop the stored configuration: loads or contacts have changed."""
 
     def find_point(self, coordinate: FloatArray) -> Point | None:
         """Return the configuration with its energy and forces, None where any of them is not finite."""

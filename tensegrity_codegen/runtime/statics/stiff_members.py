@@ -29,7 +29,7 @@ from tensegrity_codegen.runtime.model.rigid_bars import EPSILON, RigidBars
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 from tensegrity_codegen.tables.manifest import Manifest
 
-LEAST_RATIO = 10.0  # between the stiffness of stiff members and that of the next softer one
+MIN_RATIO = 10.0  # between the stiffness of stiff members and that of the next softer one
 ROUNDING = 512 * EPSILON  # of length and distance from the origin: rounding of the length of a stiff member
 PROBE = 1e-6  # of the longest member: displacement that shows how stiff members are
 MAX_CORRECTION_RATIO = 1.0  # largest correction of a step, as part of the step
@@ -59,7 +59,7 @@ def are_stiff(spring_constant: FloatArray) -> BoolArray:
     if not ratio.shape[-1]:
         return np.zeros(spring_constant.shape, dtype=np.bool_)
     widest = ratio.argmax(axis=-1)[..., None]
-    is_wide = np.take_along_axis(ratio, widest, axis=-1) >= LEAST_RATIO
+    is_wide = np.take_along_axis(ratio, widest, axis=-1) >= MIN_RATIO
     return np.asarray(is_wide & (spring_constant >= np.take_along_axis(order, widest + 1, axis=-1)))
 
 

@@ -326,7 +326,7 @@ class _Samples:
         return self._mask(result)
 
     def _find_work(self) -> FloatArray | None:
-        """Return what has changed the energy by each sample, (n_batch, n_t) [J]; None where nothing tells."""
+        """Return the work that changed the energy by each sample, (n_batch, n_t) [J]; None if unknown."""
         is_energy = np.isin(self.model.manifest.internal_name, ENERGY_STATES)
         if self.raw.internal is None or not is_energy.any():
             return None
@@ -334,7 +334,7 @@ class _Samples:
         return self._mask(work - work[:, :1])
 
     def _find_power(self) -> FloatArray:
-        """Return what changes the energy at the samples, that of members left out, (n_batch, n_t) [W]."""
+        """Return the power that changes the energy, without that of members, (n_batch, n_t) [W]."""
         power = self.compute("energy_rate")
         for name in ("plastic_power", "viscous_power"):
             power = power - self.compute(name) if self.model.has(name) else power

@@ -87,7 +87,7 @@ class Sampled(ByName, Summarised):
         ]
 
     def extremes(self) -> dict[str, Any]:
-        """Return what was farthest from the start: JSON-ready, over all samples that were reached.
+        """Return the largest motions and tensions: JSON-ready, over all samples that were reached.
 
         Returns ``"largest_displacement"`` [m] of a node from the first sample, ``"displaced_node"`` and
         ``"displaced_time"`` [s]; ``"cable_tension"`` and ``"bar_tension"``, the least and the largest [N];
@@ -148,7 +148,7 @@ class Sampled(ByName, Summarised):
         return build_dataset(self)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return what a result file holds, name -> array."""
+        """Return the arrays of a result file by name."""
         arrays = {"time": self.time, **{name: getattr(self, name) for name in SAMPLED}}
         arrays |= {name: np.array(getattr(self, name)) for name in WORDS}
         if self.internal is not None:

@@ -11,11 +11,11 @@ CONTROL_QUANTITIES = ("acceleration", "mass_matrix", "equilibrium_matrix", "memb
 
 
 def simulation_quantities(formulation: str) -> tuple[str, ...]:
-    """Return what a simulation needs of a model in this formulation."""
+    """Return the quantities that a simulation needs in this formulation."""
     return (*SIMULATION_QUANTITIES, *find_formulation(formulation).simulation_quantities)
 
 
 def require_simulation(model: Model) -> None:
-    """Raise FormulationError where a model lacks what the samples of a motion consist of."""
+    """Raise FormulationError where a model lacks quantities of the samples of a motion."""
     of_nodes = () if model.manifest.coordinate_node_axis else ("node_position", "node_velocity")
     require_quantities(model, (*SIMULATION_QUANTITIES, *of_nodes), "a simulation needs")

@@ -241,7 +241,7 @@ class Trajectory(Sampled):
         }
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return what a result file holds, name -> array; event_*: a row for each name of each event."""
+        """Return the arrays of a result file by name; event_*: a row for each name of each event."""
         inputs = {} if self.input is None else {"input": self.input, "input_name": np.array(self.input_name)}
         loads = {} if self.node_load is None else {"node_load": self.node_load}
         contacts = {}
@@ -377,7 +377,7 @@ class BatchTrajectory(Sampled):
         }
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return what a result file holds, name -> array, of single motions with one more, leading axis."""
+        """Return the arrays of a result file by name, of single motions with one more, leading axis."""
         return {**super().arrays(), "energy_drift": self.energy_drift, "n_reached": self.n_reached}
 
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.simulate.gradient import (
-    LEAST_RTOL,
+    MIN_RTOL,
     TIGHTER,
     Loss,
     compare_with_differences,
@@ -165,7 +165,7 @@ class LossGradient:
 
     def _run(self, values: FloatArray, accuracy: float = 1.0) -> MotionSlopes:
         """Return the motion and its columns; raises ConvergenceError where it fails."""
-        run = self.problem.run(values, self.times, min(accuracy, self.problem.settings.rtol / LEAST_RTOL))
+        run = self.problem.run(values, self.times, min(accuracy, self.problem.settings.rtol / MIN_RTOL))
         if run.motion.status != "ok":
             problem = f"the motion fails: {run.motion.message}"
             raise ConvergenceError(problem, where=self.problem.assembler.where)

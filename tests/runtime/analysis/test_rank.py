@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tensegrity_codegen.runtime.analysis.rank import MOST_ROWS, find_rank
+from tensegrity_codegen.runtime.analysis.rank import MAX_ROWS, find_rank
 from tensegrity_codegen.system.errors import FormulationError, NonFiniteError
 from tests.runtime.analysis.plain import icosahedron, prism
 
@@ -78,4 +78,4 @@ def test_bad_matrices_are_refused() -> None:
     with pytest.raises(NonFiniteError, match="equilibrium_matrix"):
         find_rank(np.array([[np.nan, 1.0]]))
     with pytest.raises(FormulationError, match="too large"):
-        find_rank(np.zeros((MOST_ROWS + 1, 1)))
+        find_rank(np.zeros((MAX_ROWS + 1, 1)))

@@ -41,7 +41,7 @@ def test_compressed_arrays_that_take_too_much_memory_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "a.npz"
-    monkeypatch.setattr(arrays, "MOST_UNPACKED", 2**20)
+    monkeypatch.setattr(arrays, "MAX_UNPACKED", 2**20)
     write_zeros(path, "x", 2**18)
     with pytest.raises(ValueError, match="compressed arrays of 2 MB; up to 1 MB are read"):
         read_arrays(path, ("x",))

@@ -270,7 +270,7 @@ def test_iteration_limit_is_told_with_its_evidence() -> None:
 
 def test_a_search_that_nobody_waits_for_ends_with_its_evidence(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = settle(net(5))
-    monkeypatch.setattr(newton, "MOST_WORK", 2 * len(whole.coordinate))
+    monkeypatch.setattr(newton, "MAX_WORK", 2 * len(whole.coordinate))
     with pytest.raises(ConvergenceError, match=r"factorisations with \d+ coordinates") as caught:
         settle(net(5))
     assert caught.value.evidence["status"] == "work_limit"

@@ -69,7 +69,7 @@ def test_what_is_written_reads_back_to_the_last_bit(written: Written, tmp_path: 
 def test_a_long_result_is_not_compressed_and_reads_back_alike(
     written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: int, method: int
 ) -> None:
-    monkeypatch.setattr(arrays, "MOST_COMPRESSED", most)
+    monkeypatch.setattr(arrays, "MAX_COMPRESSED", most)
     written[0].write(tmp_path / "run.npz")
     with zipfile.ZipFile(tmp_path / "run.npz") as file:
         assert {item.compress_type for item in file.infolist()} == {method}

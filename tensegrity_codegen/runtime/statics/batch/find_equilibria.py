@@ -35,7 +35,7 @@ from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.static_methods import Method
 
 BLOCK_BYTES = 2**24  # of the stiffnesses of a block
-MOST_CASES = 1024  # of a block
+MAX_CASES = 1024  # of a block
 
 MESSAGES = {
     "converged": "",
@@ -59,7 +59,7 @@ def can_go_side_by_side(model: CompiledModel, method: str) -> bool:
 def block_size(model: CompiledModel) -> int:
     """Return how many cases are searched at a time: a whole number of lanes."""
     count, width = len(model.manifest.coordinate_name), model.library.batch_width
-    return width * max(1, min(MOST_CASES, BLOCK_BYTES // (8 * count**2)) // width)
+    return width * max(1, min(MAX_CASES, BLOCK_BYTES // (8 * count**2)) // width)
 
 
 def search_block(

@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.rigid_bars import MOST_CORRECTIONS, RigidBars
+from tensegrity_codegen.runtime.model.rigid_bars import MAX_CORRECTIONS, RigidBars
 from tensegrity_codegen.runtime.statics.factors import SINGULAR_TOLERANCE
 from tensegrity_codegen.runtime.statics.static_problem import EPSILON, ORIGIN_DISTANCE_WEIGHT
 from tensegrity_codegen.runtime.statics.stiff_members import MAX_CORRECTION_RATIO, ROUNDING
@@ -132,7 +132,7 @@ class StiffRows:
         bars, placed = self.locate(position), coordinate + step
         target, before = bars.length + bars.apply(step), np.full(len(rows), np.inf)
         is_placed, on = np.zeros(len(rows), dtype=np.bool_), np.arange(len(rows))
-        for _ in range(MOST_CORRECTIONS):
+        for _ in range(MAX_CORRECTIONS):
             position = self.place(placed[on], rows[on])
             bars = self.locate(position)
             gap = bars.length - target[on]

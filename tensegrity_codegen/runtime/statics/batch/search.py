@@ -19,8 +19,8 @@ from tensegrity_codegen.runtime.statics.batch.stability import (
     find_rigid_motions,
 )
 from tensegrity_codegen.runtime.statics.damping import (
-    MOST_FACTORS,
-    MOST_TURN,
+    MAX_FACTORS,
+    MAX_TURN,
     Damping,
     Members,
     find_least_shift,
@@ -29,11 +29,11 @@ from tensegrity_codegen.runtime.statics.damping import (
 )
 from tensegrity_codegen.runtime.statics.newton import (
     ENERGY_DIGITS,
-    LEAST_SAVING,
+    MAX_ATTEMPTS,
     MAX_MOTION_RATIO,
     MAX_STALLED_ITERATIONS,
+    MIN_SAVING,
     MIN_STEP_RATIO,
-    MOST_ATTEMPTS,
 )
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 
@@ -64,8 +64,8 @@ class _Attempt:
     factor: Any  # (count,) Cholesky factors
     step: FloatArray  # (count, n) [m]
     moved: FloatArray  # (count, n_members, 3) [m], differences of the ends of members
-    damped: FloatArray  # (count,) [J], what the damped model saves
-    predicted: FloatArray  # (count,) [J], what the undamped model saves
+    damped: FloatArray  # (count,) [J], saved by the damped model
+    predicted: FloatArray  # (count,) [J], saved by the undamped model
 
     @property
     def is_by_force(self) -> BoolArray:
@@ -134,7 +134,7 @@ class BatchSearch:
         put(self.best, better, take(self.point, better))
 
     def _prepare(self, rows: IntArray, point: Points, stiffness: FloatArray, floor: FloatArray) -> None:
-        """Note what all attempts from the points have in common."""
+        """Note the common data of all attempts from the points."""
         problem, here = self.problem, self._locate(point)
         path, tension = problem.find_path(stiffness, point)
         undriven = np.zeros((len(rows), problem.size, 6))
@@ -163,7 +163,7 @@ class BatchSearch:
         trial = self.problem.find_displaced_points(attempt.point, attempt.step, attempt.rows)
         trial.tension[~trial.is_finite] = np.nan
         turn = find_turn(attempt.moved, attempt.here, self._locate(trial))
-        is_far = ~trial.is_finite | (turn.max(axis=1, initial=0.0) > MOST_TURN)
+        is_far = ~trial.is_finite | (turn.max(axis=1, initial=0.0) > MAX_TURN)
         if is_far.any():
             held = take(attempt, is_far)
             held.damping.hold(turn[is_far], held.here)
@@ -200,7 +200,7 @@ class BatchSearch:
             damping.harden(here, ground.least[which])
             put(self.damping, rows[which], damping)
             self.hardened[rows[which]] += 1
-            self._stop(rows[which & (self.hardened[rows] >= MOST_FACTORS)])
+            self._stop(rows[which & (self.hardened[rows] >= MAX_FACTORS)])
         self.hardened[rows[~which]] = 0
 
     def _judge(self, attempt: _Attempt, trial: Points, turn: FloatArray) -> None:
@@ -210,7 +210,7 @@ class BatchSearch:
         poor = (saved < 0.5 * attempt.damped) & ~by_force
         if poor.any():
             self._correct(attempt, np.flatnonzero(poor), trial, saved, need)
-        good = saved >= LEAST_SAVING * attempt.damped
+        good = saved >= MIN_SAVING * attempt.damped
         good |= by_force & (trial.node_force < 0.9 * attempt.point.node_force)
         if good.any():
             self._accept(*(take(record, good) for record in (attempt, trial, need, turn, saved)))
@@ -265,7 +265,7 @@ class BatchSearch:
         """Note the damping after failed attempts, and end the searches with too many."""
         put(self.damping, attempt.rows, attempt.damping)
         self.attempts[attempt.rows] += 1
-        self._stop(attempt.rows[self.attempts[attempt.rows] >= MOST_ATTEMPTS])
+        self._stop(attempt.rows[self.attempts[attempt.rows] >= MAX_ATTEMPTS])
 
     def _stop(self, rows: IntArray) -> None:
         """End searches in which no step helps any further."""

@@ -55,7 +55,7 @@ def find_stabilities(problem: BatchProblem, points: Points, rows: IntArray) -> S
 
 
 def _find_lowest(stiffness: FloatArray, neutral: FloatArray) -> FloatArray:
-    """Return the smallest eigenvalue of each stiffness over what is orthogonal to its neutral motions."""
+    """Return the smallest eigenvalue of each stiffness orthogonal to its neutral motions."""
     if neutral.shape[2]:
         onto = neutral @ neutral.transpose(0, 2, 1)
         projector, size = np.eye(stiffness.shape[1]) - onto, np.abs(stiffness).sum(axis=1).max(axis=1)
