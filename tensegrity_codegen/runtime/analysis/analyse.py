@@ -29,13 +29,14 @@ from tensegrity_codegen.runtime.analysis.rank import (
     find_free_motions,
     find_rank,
 )
+from tensegrity_codegen.runtime.model.arrays import check_tolerance
 from tensegrity_codegen.runtime.model.interface import Model, require_model
 from tensegrity_codegen.runtime.statics.newton import Stability, find_stability
 from tensegrity_codegen.scene.names import describe_pieces
 from tensegrity_codegen.structure.member_limits import MemberChecks, check_members
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.checks import check_whole, is_number
-from tensegrity_codegen.system.errors import InvalidValueError, name_list
+from tensegrity_codegen.system.checks import check_whole
+from tensegrity_codegen.system.errors import name_list
 from tensegrity_codegen.system.summaries import Summarised
 
 UNDECIDED = (
@@ -94,7 +95,7 @@ class Analysis(Summarised):
     stiffness : Stability
         The same with its vector and rounding.
     modes : Modes or None
-        Natural frequencies; None where the model has no masses.
+        Natural frequencies; None if the model has no masses.
     members : MemberChecks
         Members at the present tensions against the limits of the scene.
     bar_distance : ndarray, shape (n_bar_pairs,) [m], or None
@@ -322,7 +323,8 @@ def analyse(
     ('stable', 11, 1, 1)
     """
     require_model(model)
-    _check_options(rank_tolerance, n_modes)
+    check_tolerance(rank_tolerance, "rank_tolerance", f"{RANK_TOLERANCE:g} is the default")
+    check_whole(n_modes, "n_modes", 0, problem="not a number of modes", hint=f"{MODES} is the default")
     at = read_configuration(model, coordinate, arguments)
     rank = find_rank(
         at.equilibrium_matrix, tolerance=rank_tolerance, rounding=at.rounding, absent=at.is_absent
@@ -413,7 +415,7 @@ def _find_stability(
 
 
 def _describe_load(at: Configuration, rank: Rank, motions: FreeMotions) -> str:
-    """Return why no tensions balance the loads in this configuration, an empty text where some may do."""
+    """Return why no tensions balance the loads in this configuration, an empty text if some may do."""
     if check_balanced(rank, at.load):
         return ""
     size = float(np.linalg.norm(at.load))
@@ -425,15 +427,3 @@ def _describe_load(at: Configuration, rank: Rank, motions: FreeMotions) -> str:
 def _move_nodes(at: Configuration, proof: Certificate | None) -> FloatArray | None:
     """Return the displacements of the nodes in a certificate, (n_nodes, 3)."""
     return None if proof is None else at.node_velocities(proof.displacement[:, None])[:, :, 0]
-
-
-def _check_options(rank_tolerance: float, n_modes: int) -> None:
-    if not (is_number(rank_tolerance) and 0 < rank_tolerance < 1):
-        raise InvalidValueError(
-            "the tolerance is out of range",
-            where="rank_tolerance",
-            given=rank_tolerance,
-            allowed="above 0, below 1",
-            hint=f"{RANK_TOLERANCE:g} is the default",
-        )
-    check_whole(n_modes, "n_modes", 0, problem="not a number of modes", hint=f"{MODES} is the default")

@@ -46,7 +46,7 @@ class Certificate:
     bar_change, cable_lengthening : float
         Largest change of a bar and largest lengthening of a cable: both zero but for rounding.
     least_shortening : float
-        Least shortening of the cables that shorten; nan where there are none.
+        Least shortening of the cables that shorten; nan if there are none.
     load_work : float
         Work of the loads [N] in this motion, not negative; 0 without loads.
     error : float
@@ -191,7 +191,7 @@ def _find_support(modes: FloatArray, pull: FloatArray) -> FloatArray:
 
 
 def _find_even(modes: FloatArray, pull: FloatArray) -> FloatArray | None:
-    """Return shortenings up to 1 whose least one is largest, of least norm; None where there are none."""
+    """Return shortenings up to 1 whose least one is largest, of least norm; None if there are none."""
     basis = _find_null_space(modes)
     count, free = basis.shape
     if free == 0:

@@ -77,7 +77,7 @@ class Configuration:
 
     @cached_property
     def load(self) -> FloatArray:
-        """Weight and loads along the directions, (n_directions,) [N]; exactly zero where there are none."""
+        """Weight and loads along the directions, (n_directions,) [N]; exactly zero if there are none."""
         residual = self.point.residual
         load: FloatArray = residual + self.equilibrium_matrix @ self.tension
         size = np.abs(self.equilibrium_matrix) @ np.abs(self.tension) + np.abs(residual)
@@ -144,7 +144,7 @@ class GroundConfiguration(Configuration):
 
     @cached_property
     def load(self) -> FloatArray:
-        """Weight, loads and friction that slips, (n_directions,) [N]; exactly zero where there are none."""
+        """Weight, loads and friction that slips, (n_directions,) [N]; exactly zero if there are none."""
         force = self.point.residual + self._whole_matrix @ self.tension
         size = np.abs(self._whole_matrix) @ np.abs(self.tension) + np.abs(self.point.residual)
         load: FloatArray = self.free.T @ force
@@ -258,7 +258,7 @@ def read_configuration(
 
 
 def _find_structure(model: Model) -> Subject:
-    """Return the structure of a model; raises FormulationError where it is unknown."""
+    """Return the structure of a model; raises FormulationError if it is unknown."""
     structure: Subject | None = getattr(model, "structure", None)
     if structure is None:
         raise FormulationError(
@@ -293,7 +293,7 @@ def _check_lengths(problem: StaticProblem, coordinate: FloatArray, structure: Su
 class Modes:
     """Small undamped vibrations about a configuration."""
 
-    frequency: FloatArray  # (n_modes,) [Hz], ascending; 0 where a motion has no stiffness
+    frequency: FloatArray  # (n_modes,) [Hz], ascending; 0 if a motion has no stiffness
     growth_rate: FloatArray  # (n_modes,) [1/s], at which unstable modes grow; 0 for the others
     shape: FloatArray  # (n_nodes, 3, n_modes), displacements, the largest of each mode 1
     n_rigid: int  # rigid motions without stiffness, which are not among the modes
@@ -301,7 +301,7 @@ class Modes:
 
 
 def find_modes(at: Configuration, rigid: FloatArray, count: int) -> Modes | None:
-    """Find the first modes, K v = (2 pi f)^2 H v, off the rigid ones (n, k); None where masses are zero."""
+    """Find the first modes, K v = (2 pi f)^2 H v, off the rigid ones (n, k); None if masses are zero."""
     problem = at.problem
     stiffness = np.asarray(problem.stiffness(at.coordinate).toarray())
     mass = _find_mass(at)

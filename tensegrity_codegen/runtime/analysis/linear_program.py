@@ -19,7 +19,7 @@ INFEASIBLE = 2  # status of scipy.optimize.linprog
 def find_optimum(
     cost: FloatArray, rows: Any, limit: FloatArray, *, rounds: int = ROUNDS
 ) -> FloatArray | None:
-    """Find x with the least cost . x and rows x <= limit, to rounding; None where there is no such x.
+    """Find x with the least cost . x and rows x <= limit, to rounding; None if there is no such x.
 
     The solver's tolerances would blur the ends of ranges. So where its solution is not exact to rounding, the
     problem is solved again for the change of x, with the slack of the inequalities magnified a million times,
@@ -47,7 +47,7 @@ def find_optimum(
 
 
 def _solve(cost: FloatArray, rows: Any, limit: FloatArray, most: float | None) -> FloatArray | None:
-    """Return an optimum with all variables up to `most`, None where there is none; ConvergenceError."""
+    """Return an optimum with all variables up to `most`, None if there is none; ConvergenceError."""
     bounds: Any = (None, None) if most is None else (-most, most)
     for tolerance in TOLERANCES:
         options: Any = {"primal_feasibility_tolerance": tolerance, "dual_feasibility_tolerance": tolerance}
@@ -67,7 +67,7 @@ def _solve(cost: FloatArray, rows: Any, limit: FloatArray, most: float | None) -
 
 
 def find_least_norm(rows: FloatArray, least: FloatArray) -> FloatArray | None:
-    """Find the x of least norm with rows x >= least; None where there is none.
+    """Find the x of least norm with rows x >= least; None if there is none.
 
     C. L. Lawson and R. J. Hanson, "Solving least squares problems", 1974, chapter 23: least distance
     programming by non-negative least squares.

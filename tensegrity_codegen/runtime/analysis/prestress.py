@@ -31,7 +31,7 @@ class Prestress:
     tension : ndarray, shape (n_members,)
         Member tensions: without loads scaled so that the largest force is 1, under loads in [N].
     least_tension : float
-        Least tension of the tension-only members, in the same unit; inf where there are none.
+        Least tension of the tension-only members, in the same unit; inf if there are none.
     largest_force : float
         Largest force of a member, in the same unit.
     """
@@ -80,7 +80,7 @@ def _describe(tension: FloatArray, tension_only: NDArray[np.bool_]) -> Prestress
 def _find_least_force(
     selfstress: FloatArray, tension_only: NDArray[np.bool_], base: FloatArray
 ) -> float | None:
-    """Return the least T with t_c >= 0 and |t_e| <= T; None where there are no such tensions."""
+    """Return the least T with t_c >= 0 and |t_e| <= T; None if there are no such tensions."""
     modes = selfstress.T
     column = np.ones((len(modes), 1))
     cables = modes[tension_only]

@@ -39,9 +39,9 @@ class Rank:
         Singular values above `tolerance`, times the largest, never count as zero; those below `rounding`,
         times the largest, always do; between the two the largest gap decides.
     above, below : float
-        Singular values on both sides of the gap; nan where there is none on that side.
+        Singular values on both sides of the gap; nan if there is none on that side.
     gap : float
-        Their ratio, the lower one at least the rounding; inf where no value counts as zero.
+        Their ratio, the lower one at least the rounding; inf if no value counts as zero.
     warning : str
         Why the rank is not clear, or an empty text.
     selfstress : ndarray, shape (n_selfstress, n_members)
@@ -144,7 +144,7 @@ def _find_cut(relative: FloatArray, tolerance: float, least: float) -> int:
 
 
 def _describe_doubt(relative: FloatArray, rank: int, gap: float, tolerance: float) -> str:
-    """Return why the rank is not clear, an empty text where it is."""
+    """Return why the rank is not clear, an empty text if it is."""
     if gap < MIN_CLEAR_GAP:
         return (
             f"the rank is not clear: the singular values at the gap, {relative[rank - 1]:.3g} and "

@@ -152,7 +152,7 @@ def find_tips(
     """Find how far each cable must be shortened, alone, until the structure tips; the least first.
 
     cables: by default all whose rest length is a parameter. progress: called with the number of the cable,
-    and its shortening [m]. Raises ConvergenceError where the structure does not stand to begin with.
+    and its shortening [m]. Raises ConvergenceError if the structure does not stand to begin with.
 
     The tipping margin is followed down to zero: steps of the rest length, each equilibrium from the one
     before, with bristles that go on from there; the root is approached by secants from the side that stands.
@@ -222,7 +222,7 @@ class _Shortening:
                     break
                 continue
             before, here, status = here, outcome, "stands"
-            # How much further, until the margin vanishes; inf where it grows.
+            # How much further, until the margin vanishes; inf if it grows.
             slope = (here.margin - before.margin) / (here.shortening - before.shortening)
             remaining = -here.margin / slope if slope < 0.0 else np.inf
             if remaining <= ROOT * rest_length:

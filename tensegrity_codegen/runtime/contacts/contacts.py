@@ -64,7 +64,7 @@ class Contacts:
 
     @property
     def slide(self) -> FloatArray | None:
-        """Direction of a belt in the plane, along `tangents`; None where it rests."""
+        """Direction of a belt in the plane, along `tangents`; None if it rests."""
         speed = float(np.linalg.norm(self.ground.velocity))
         return self.tangents @ self.ground.velocity / speed if speed else None
 
@@ -123,7 +123,7 @@ class Contacts:
         return self.ground.friction * self.normal_force(self.depth(position))
 
     def state(self, position: FloatArray) -> dict[str, FloatArray]:
-        """Return the argument `internal` of these positions, none where the ground has no friction."""
+        """Return the argument `internal` of these positions, none if the ground has no friction."""
         if not self.structure.internal_name:
             return {}
         internal = np.zeros(len(self.structure.internal_name))

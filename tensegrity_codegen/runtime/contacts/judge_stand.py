@@ -117,7 +117,7 @@ def find_foot_forces(problem: FootProblem, friction: float) -> FootForces:
 
 
 def find_least_friction(problem: FootProblem) -> float:
-    """Return the least coefficient of friction with which foot forces exist; inf where none is enough."""
+    """Return the least coefficient of friction with which foot forces exist; inf if none is enough."""
     scale = float(np.linalg.norm(problem.load)) or 1.0
 
     def excess(friction: float) -> float:
@@ -183,7 +183,7 @@ class Stand:
     friction : float
         Coefficient of friction of the ground.
     friction_needed : float
-        Least coefficient with which forces of the feet exist; inf where none is enough.
+        Least coefficient with which forces of the feet exist; inf if none is enough.
     excess : float [N]
         By how much ``|F|`` exceeds mu N at least; 0 or less where forces exist.
     motion : ndarray, shape (n_nodes, 3), or None

@@ -105,21 +105,21 @@ def name_plastic(
 
 
 def describe_plastic(elongation: Mapping[str, float]) -> list[str]:
-    """Return a line on members that have flowed, the farthest first; none where none has."""
+    """Return a line on members that have flowed, the farthest first; none if none has."""
     flowed = sorted((entry for entry in elongation.items() if entry[1]), key=lambda entry: -abs(entry[1]))
     shown = name_list([f"{name} {value:.6g} m" for name, value in flowed], MAX_SHOWN)
     return [f"plastic elongations at the end: {shown}"] if flowed else []
 
 
 def describe_slip(slid: Mapping[str, float]) -> list[str]:
-    """Return a line on slips at rings, the most first; none where nothing has."""
+    """Return a line on slips at rings, the most first; none if nothing has."""
     moved = sorted((entry for entry in slid.items() if entry[1]), key=lambda entry: -abs(entry[1]))
     shown = name_list([f"behind {name} {value:.6g} m" for name, value in moved], MAX_SHOWN)
     return [f"slipped through rings: {shown}"] if moved else []
 
 
 def find_rest_memory(model: Model, arguments: Mapping[str, Any]) -> RestMemory | None:
-    """Return the memory of a model's members and motors, None where they have none."""
+    """Return the memory of a model's members and motors, None if they have none."""
     manifest = model.manifest
     remembers = manifest.subjects_of("yield") or VISCOUS_WORK in manifest.internal_name
     return RestMemory(model, arguments) if remembers or manifest.motor_name else None

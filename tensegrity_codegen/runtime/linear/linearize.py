@@ -113,7 +113,7 @@ class _Variations:
 
 
 def _find_variations(model: Model, at: Mapping[str, Any]) -> _Variations | None:
-    """Return the variations of a state x = (q, q') that can happen, None where all can.
+    """Return the variations of a state x = (q, q') that can happen, None if all can.
 
     Rigid bars allow those with d_b . d(dq) = 0 and d_b . d(dq') + d_b' . d(dq) = 0, where d(.) is the
     difference of both ends. at: all arguments of the model, with coordinate and velocity.
@@ -161,7 +161,7 @@ class LinearModel(Summarised):
         Eigenvalues, natural frequencies and damping ratios.
     variation : sparse array, shape (n_states, n_variations), or None
         T, where coordinates depend on each other (rigid bars, node distances): x = state + T p are the
-        possible variations, and the spectrum is that of the linear model of p. None where all variations are
+        possible variations, and the spectrum is that of the linear model of p. None if all variations are
         possible.
     one_sided_cables : dict of str to bool
         Cables exactly at rest length, where the stiffness jumps, with whether they count as taut.

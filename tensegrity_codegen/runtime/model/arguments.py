@@ -155,7 +155,7 @@ def check_parameter_values(manifest: Manifest, arguments: Mapping[str, Any]) -> 
 
 
 def apply_ground(model: Model, arguments: Mapping[str, Any]) -> Ground | None:
-    """Return the ground of a model under run-time arguments, None where it has none."""
+    """Return the ground of a model under run-time arguments, None if it has none."""
     ground: Ground | None = getattr(getattr(model, "structure", None), "ground", None)
     values = arguments.get("ground")
     if ground is None or values is None:
@@ -165,7 +165,7 @@ def apply_ground(model: Model, arguments: Mapping[str, Any]) -> Ground | None:
 
 
 def apply_loads(model: Model, *values: Mapping[str, Any]) -> NDArray[np.float64] | None:
-    """Return loads (n_t, n_nodes, 3) [N] under arguments `values`; None where they are the scene's."""
+    """Return loads (n_t, n_nodes, 3) [N] under arguments `values`; None if they are the scene's."""
     spec = next((argument for argument in model.manifest.arguments if argument.name == LOAD), None)
     structure = getattr(model, "structure", None)
     if spec is None or structure is None:

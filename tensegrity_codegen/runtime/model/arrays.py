@@ -11,6 +11,7 @@ from zipfile import ZIP_STORED, BadZipFile
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensegrity_codegen.system.checks import is_number
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.system.files import check_ending, replaced
 from tensegrity_codegen.tables.precision import Precision
@@ -44,6 +45,14 @@ def check_finite(array: NDArray[Any], where: str, problem: str = "not finite") -
     """Raise NonFiniteError for an array with a NaN or an infinity."""
     if not np.all(np.isfinite(array)):
         raise NonFiniteError(problem, where=where, allowed="finite numbers")
+
+
+def check_tolerance(value: Any, where: str, hint: str = "") -> None:
+    """Raise InvalidValueError unless a tolerance is a number above 0 and below 1."""
+    if not (is_number(value) and 0 < value < 1):
+        raise InvalidValueError(
+            "the tolerance is out of range", where=where, given=value, allowed="above 0, below 1", hint=hint
+        )
 
 
 def check_length(value: Any) -> None:
@@ -89,7 +98,7 @@ def to_sized(value: ArrayLike, shape: tuple[int, ...], where: str) -> NDArray[np
 
 
 def to_array(value: ArrayLike, precision: Precision, name: str, allowed: str) -> NDArray[Any]:
-    """Return `value` as an array of that precision; InvalidValueError where numbers would be rounded."""
+    """Return `value` as an array of that precision; InvalidValueError if numbers would be rounded."""
     dtype = getattr(value, "dtype", None)
     if dtype is not None and dtype.kind == "f" and dtype.itemsize > precision.dtype.itemsize:
         raise InvalidValueError(

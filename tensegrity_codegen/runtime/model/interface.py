@@ -60,7 +60,7 @@ def require_model(model: Any) -> None:
 
 
 def require_quantities(model: Model, quantities: Iterable[str], purpose: str) -> None:
-    """Raise FormulationError where a model does not compute all of these; purpose: "a load path needs"."""
+    """Raise FormulationError if a model does not compute all of these; purpose: "a load path needs"."""
     needed = tuple(quantities)
     missing = [name for name in needed if not model.has(name)]
     if missing:

@@ -317,7 +317,7 @@ class CompiledModel(Summarised):
         threads : int
             Number of threads; the results do not depend on it.
         on_error : str
-            ``"raise"``, or ``"status"`` to return (result, status of each element), with rows of NAN where it
+            ``"raise"``, or ``"status"`` to return (result, status of each element), with rows of NAN if it
             failed.
         **arguments : array_like
             Values by name, with a leading axis (n_batch,) or without it where all elements share them. At

@@ -261,7 +261,7 @@ def judge_snap(
 
 
 def _name_constant_loads(model: Model) -> str:
-    """Return which loads that act are constants of the library, an empty text where none are."""
+    """Return which loads that act are constants of the library, an empty text if none are."""
     structure = getattr(model, "structure", None)
     changing = {argument.name: argument.over for argument in model.manifest.arguments}
     if structure is None or "node_load" not in changing:

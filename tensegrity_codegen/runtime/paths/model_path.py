@@ -140,7 +140,7 @@ class ModelPath:
         )
 
     def settle(self, coordinate: FloatArray, load_factor: float) -> FloatArray | None:
-        """Return the internal states of members there, (n_internal,); None where they have none."""
+        """Return the internal states of members there, (n_internal,); None if they have none."""
         return None if self.memory is None else self.memory.settle(self._given(coordinate, load_factor))
 
     def _given(self, coordinate: FloatArray, load_factor: float) -> dict[str, Any]:
@@ -168,7 +168,7 @@ class ModelPath:
         return np.asarray(jacobian.T @ self._spread().ravel())
 
     def neutral_motions(self) -> NeutralMotions | None:
-        """Return the finder of rigid motions that cost no force; None where the anchors permit none."""
+        """Return the finder of rigid motions that cost no force; None if the anchors permit none."""
         manifest = self.model.manifest
         if not manifest.coordinate_node_axis:
             return None

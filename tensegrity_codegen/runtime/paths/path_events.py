@@ -127,7 +127,7 @@ class EventTracker:
         self.side = np.where(crossed, -self.side, self.side)
 
     def find_crossing(self, step: Step, least: float = 0.0) -> Crossing | None:
-        """Return the first crossing beyond the length `least`, or None; LostError where the path is lost."""
+        """Return the first crossing beyond the length `least`, or None; LostError if the path is lost."""
         before = self.values(step.start, step.tangent)
         seen = {step.length: (step.end, self.values(step.end, step.tangent_at(step.end)))}
 

@@ -77,7 +77,7 @@ class PathState:
 
     @property
     def smallest_eigenvalue(self) -> float:
-        """Smallest eigenvalue of K, infinite where nothing can move."""
+        """Smallest eigenvalue of K, infinite if nothing can move."""
         values = self.eigen[0]
         return float(values[0]) if len(values) else float("inf")
 
@@ -180,7 +180,7 @@ class PathSolver:
         return self.tangent(state, upward, stiffness)
 
     def find_state(self, z: FloatArray, iterations: int) -> PathState | None:
-        """Return the state at z; None where the forces there are not finite or, after all, do not balance."""
+        """Return the state at z; None if the forces there are not finite or, after all, do not balance."""
         coordinate, load_factor = self.split(z)
         try:
             residual = self.problem.residual(coordinate, load_factor)
@@ -207,7 +207,7 @@ class PathSolver:
     def _solve(
         self, stiffness: Any, load: FloatArray, neutral: FloatArray, normal: FloatArray, right: FloatArray
     ) -> FloatArray | None:
-        """Return dz of the bordered system, None where it is singular."""
+        """Return dz of the bordered system, None if it is singular."""
         size, held = len(load), neutral.shape[1]
         unit = float(np.abs(load).max(initial=0.0)) * self.load_scale or 1.0
         column = -load[:, None] * (self.load_scale / unit)

@@ -32,7 +32,7 @@ FIRST_LOAD_FACTOR = 1e-4
 # Motion, as part of the structure's size, that counts as a collapse under the first part.
 COLLAPSE_MOTION_RATIO = 0.1
 BALANCE_TOLERANCE = 1e-9  # of the largest member force
-# Part of the smallest eigenvalue at the start that counts as none where a path stalls.
+# Part of the smallest eigenvalue at the start that counts as none if a path stalls.
 ZERO_EIGENVALUE_RATIO = 1e-3
 # Load factors of the way back: from the second to the last the distance from the start falls to a half
 # at least, or to this part of the largest distance, beside a part of the coordinates.

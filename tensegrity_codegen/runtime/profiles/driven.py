@@ -175,7 +175,7 @@ def find_changing(model: CompiledModel, schedule: DrivenArguments) -> tuple[str,
 
 
 def check_laws(model: CompiledModel, schedule: Any) -> None:
-    """Raise InvalidValueError where the implicit method cannot follow a profile; names the members."""
+    """Raise InvalidValueError if the implicit method cannot follow a profile; names the members."""
     names = find_changing(model, schedule)
     if names:
         shown = name_list(names)
@@ -220,7 +220,7 @@ def check_memory(model: CompiledModel, schedule: DrivenArguments) -> None:
 def _check_constant(
     schedule: DrivenArguments, compute: Callable[[float], FloatArray], problem: str, **advice: str
 ) -> None:
-    """Raise InvalidValueError where a profile changes a result that is computed at times [s]."""
+    """Raise InvalidValueError if a profile changes a result that is computed at times [s]."""
     initial = compute(0.0)
     for time in _list_times(schedule):
         if (compute(time) != initial).any():

@@ -95,7 +95,7 @@ def build_cubic(time: FloatArray, value: FloatArray) -> Pieces:
 
 
 def _build_spline(time: FloatArray, value: FloatArray) -> FloatArray:
-    """Return the coefficients (n_knots - 1, 4, n_values) of one spline; NAN where knots are too close."""
+    """Return the coefficients (n_knots - 1, 4, n_values) of one spline; NAN if knots are too close."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # of matrices that are as good as singular
@@ -125,7 +125,7 @@ def locate_jumps(schedule: Schedule, t_end: float) -> list[float]:
 def _bisect(
     schedule: Schedule, before: float, after: float, low: FloatArray, high: FloatArray
 ) -> float | None:
-    """Return where a function jumps between two times, None where it changes smoothly."""
+    """Return where a function jumps between two times, None if it changes smoothly."""
     whole_change, count = float(np.abs(high - low).max()), 0
     while before < (middle := 0.5 * (before + after)) < after:
         between = _flatten(schedule(middle))

@@ -131,7 +131,7 @@ class Block:
         Values of the targets there.
     least_progress : float
         Most progress that a further step of the size of the trust region could make, with all limits
-        linearised; nan where that is not known.
+        linearised; nan if that is not known.
     binding : tuple of Binding
         Limits that bind there, by their multipliers.
     reason : str
@@ -252,7 +252,7 @@ class PlanResult(ByName, Summarised):
     structure : Structure, BodySystem or None
         The structure, for pictures; None with a library that was loaded alone.
     branches : tuple of Branch
-        The paths that were tried, in order; none where the plan is proved infeasible.
+        The paths that were tried, in order; none if the plan is proved infeasible.
     """
 
     status: str

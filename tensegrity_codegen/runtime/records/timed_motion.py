@@ -28,7 +28,7 @@ KNOT_FIELDS = (
 
 
 def choose_even_knots(total: int, count: Any) -> NDArray[np.int64] | None:
-    """Return the indices of `count` of `total` knots, evenly distributed, or None where there are no more."""
+    """Return the indices of `count` of `total` knots, evenly distributed, or None if there are no more."""
     count = check_whole(count, "count", 2, problem="not a number of knots")
     if total <= count:
         return None
@@ -81,7 +81,7 @@ class Motion(Summarised):
     kinks : tuple of float [s]
         Times at which the acceleration jumps.
     shortest_duration : float [s]
-        Shortest duration that the rates of the actuators permit; 0 where nothing limits them.
+        Shortest duration that the rates of the actuators permit; 0 if nothing limits them.
     path_error : float [m]
         Largest distance of a node between the path and the equilibria that it leads through.
     residual : ndarray, shape (n_t,) [N]

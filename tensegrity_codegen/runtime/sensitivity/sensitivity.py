@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_doubles
+from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, check_tolerance, to_doubles
 from tensegrity_codegen.runtime.model.interface import Model, require_model, require_quantities
 from tensegrity_codegen.runtime.sensitivity.static_system import (
     REST_LENGTH_QUANTITIES,
@@ -25,7 +25,7 @@ from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.structure.ground_support import refuse_ground
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.checks import check_names, is_number
+from tensegrity_codegen.system.checks import check_names
 from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     FormulationError,
@@ -270,10 +270,7 @@ def equilibrium_sensitivity(
     [[0.0], [0.0], [-1.0]]
     """
     require_model(model)
-    if not (is_number(tolerance) and 0 < tolerance < 1):
-        raise InvalidValueError(
-            "the tolerance is out of range", where="tolerance", given=tolerance, allowed="above 0, below 1"
-        )
+    check_tolerance(tolerance, "tolerance")
     problem = build_problem(model, arguments)
     if problem.memory is not None and problem.memory.flow.size:
         raise FormulationError(
@@ -292,7 +289,7 @@ def equilibrium_sensitivity(
 
 
 def _hold_feet(problem: StaticProblem, equilibrium: Equilibrium | ArrayLike | None) -> None:
-    """Let feet on the ground stick where they do in the equilibrium; FormulationError where one slips."""
+    """Let feet on the ground stick where they do in the equilibrium; FormulationError if one slips."""
     contacts = problem.contacts
     feet = equilibrium.feet if isinstance(equilibrium, Equilibrium) else None
     if contacts is None or not contacts.friction or (feet is not None and "slide" in feet.state):
@@ -395,7 +392,7 @@ def _find_slack(problem: StaticProblem, point: Point, system: StaticSystem) -> t
 
 
 def _find_one_sided(problem: StaticProblem, point: Point, system: StaticSystem) -> tuple[str, ...]:
-    """Return the cables at their rest lengths; none where the model does not compute extensions."""
+    """Return the cables at their rest lengths; none if the model does not compute extensions."""
     model = problem.model
     if not model.has("member_extension"):
         return ()

@@ -54,7 +54,7 @@ class StaticSystem:
     tension_jacobian: Any  # T (n_members, n)
     tension_rest_length_derivative: FloatArray  # s (n_members,)
     scale: FloatArray  # (n,), x = scale q of the model's coordinates q
-    node_jacobian: Any = None  # (3 n_nodes, n) of bodies, None where coordinates are those of nodes
+    node_jacobian: Any = None  # (3 n_nodes, n) of bodies, None if coordinates are those of nodes
 
     def build_gauge_rows(self, motions: FloatArray) -> Any:
         """Return rows (k, n) that set rigid motions (n, k) to zero, as products of node displacements."""

@@ -294,7 +294,7 @@ def build_condition(
     schedule: arguments that change with time.
     Raises InvalidValueError for what is no such expression or is no single number, UnknownNameError for
     unknown names, FormulationError for quantities that the model lacks. The function returned raises
-    NonFiniteError where its value is not finite although coordinates and velocities are.
+    NonFiniteError if its value is not finite although coordinates and velocities are.
     """
     expression, constants = build_expression(text, model), dict(arguments or {})
 

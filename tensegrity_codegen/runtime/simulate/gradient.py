@@ -54,7 +54,7 @@ class MotionGradient:
     error : float or None
         Part by which the derivative along a change of all numbers, each by a part of its size in the
         direction of the gradient, is apart from that of differences of nearby motions, which share nothing
-        with it. Some of it is their own error: about 1e-6 is the best to expect. None where a nearby motion
+        with it. Some of it is their own error: about 1e-6 is the best to expect. None if a nearby motion
         fails, or `check` is false.
     """
 

@@ -105,7 +105,7 @@ def _check(model: Model, name: str, given: FloatArray, consistent: FloatArray) -
 
 
 def check_sample_memory(manifest: Manifest, samples: int) -> None:
-    """Raise InvalidValueError where two states a sample, nodes and tensions would exceed MAX_BYTES."""
+    """Raise InvalidValueError if two states a sample, nodes and tensions would exceed MAX_BYTES."""
     states = 2 * len(manifest.coordinate_name)
     row = 8 * (2 * states + 6 * len(manifest.node_name) + len(manifest.member_name))
     if samples * row > MAX_BYTES:

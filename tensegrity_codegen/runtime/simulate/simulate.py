@@ -145,7 +145,7 @@ def read_until(until: "Until | str | Condition | None") -> Until:
 
 
 def _check_method(model: CompiledModel, method: str, schedule: Schedule | None) -> None:
-    """Raise InvalidValueError where a run by this method, or with this schedule, watches no conditions."""
+    """Raise InvalidValueError if a run by this method, or with this schedule, watches no conditions."""
     if not find_method(method).finds_events:
         raise InvalidValueError(
             "this method does not monitor conditions",

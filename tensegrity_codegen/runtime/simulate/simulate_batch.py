@@ -266,7 +266,7 @@ def _simulate_one_by_one(
 def _join_motions(
     model: CompiledModel, time: FloatArray, outcomes: list[Trajectory | tuple[str, str]], method: str
 ) -> BatchTrajectory:
-    """Return one record of all motions; NAN where samples were not reached, -1 for unknown rejected steps."""
+    """Return one record of all motions; NAN if samples were not reached, -1 for unknown rejected steps."""
     manifest, n_batch, n_samples = model.manifest, len(outcomes), len(time)
     n_coordinates, n_nodes = len(manifest.coordinate_name), len(manifest.node_name)
     n_members = len(manifest.member_name)

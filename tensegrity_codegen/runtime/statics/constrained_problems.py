@@ -138,7 +138,7 @@ class BarProblem(StaticProblem):
         return None if placed is None else (placed, placed - coordinate)
 
     def find_displaced_point(self, coordinate: FloatArray, step: FloatArray) -> Point | None:
-        """Return the configuration a step (n_directions,) away, None where bars cannot follow it."""
+        """Return the configuration a step (n_directions,) away, None if bars cannot follow it."""
         predicted = coordinate + self._at(coordinate).directions @ step
         placed = self.place(predicted)
         if placed is None or np.linalg.norm(placed - predicted) > MAX_CORRECTION_RATIO * np.linalg.norm(step):
@@ -237,7 +237,7 @@ class BodyProblem(StaticProblem):
         return coordinate / self.scale
 
     def check_start(self, point: Point) -> None:
-        """Raise FormulationError where torques, or forces that turn with their body, act."""
+        """Raise FormulationError if torques, or forces that turn with their body, act."""
         if not self.model.has("unpotential_force"):
             return
         force = np.abs(self.compute("unpotential_force", point.coordinate))
@@ -256,7 +256,7 @@ class BodyProblem(StaticProblem):
         return self.model.compute(quantity, coordinate=coordinate / self.scale, **self._given)
 
     def find_point(self, coordinate: FloatArray) -> Point | None:
-        """Return the configuration with its energy and forces, None where not finite or at a pole."""
+        """Return the configuration with its energy and forces, None if not finite or at a pole."""
         if self.find_pole(coordinate)[1] < NEAREST_POLE:
             return None
         return super().find_point(coordinate)

@@ -175,7 +175,7 @@ class MemberDamping(Damping):
         return locate_members(self.problem.node_position(point.coordinate), self.problem.strands, point)
 
     def factorise(self, stiffness: Any, difference: Any, point: Point, here: Members) -> Solve | None:
-        """Return the solution with enough damping; None where MAX_FACTORS factorisations do not find one."""
+        """Return the solution with enough damping; None if MAX_FACTORS factorisations do not find one."""
         matrix = stiffness.toarray() if stiffness.shape[0] <= DENSE_LIMIT else stiffness
         least_shift = find_least_shift(self.problem.bound_rounding(stiffness, point.coordinate), here)
         tension = self.problem.strands.spread(self.problem.find_stiff_tension(point))

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity_codegen.runtime.model.arrays import to_array
+from tensegrity_codegen.runtime.model.arrays import check_tolerance, to_array
 from tensegrity_codegen.runtime.model.interface import Model, require_double, require_model
 from tensegrity_codegen.runtime.statics.constrained_problems import BarProblem, BodyProblem
 from tensegrity_codegen.runtime.statics.equilibrium_record import (
@@ -38,7 +38,7 @@ from tensegrity_codegen.runtime.statics.newton import (
 from tensegrity_codegen.runtime.statics.on_ground import find_on_ground
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.checks import check_callback, check_switch, check_whole, is_number
+from tensegrity_codegen.system.checks import check_callback, check_switch, check_whole
 from tensegrity_codegen.system.errors import (
     ConvergenceError,
     InvalidValueError,
@@ -79,7 +79,7 @@ class _State:
     excess: FloatArray  # (n_rings, 2) [N], tensions beyond the limit, behind each ring and before it
 
     def find_gap(self, slope: float) -> tuple[FloatArray, Any]:
-        """Return the gap to be closed, (n_rings,) [m], and directions of slip, 0 where a ring sticks."""
+        """Return the gap to be closed, (n_rings,) [m], and directions of slip, 0 if a ring sticks."""
         forth, back = self.slid + self.excess[:, 0] * slope, self.slid - self.excess[:, 1] * slope
         side = np.where(forth > 0, 1, np.where(back < 0, -1, 0))
         return self.slid - np.maximum(0.0, forth) - np.minimum(0.0, back), side
@@ -109,7 +109,7 @@ def slip_until_held(problem: StaticProblem, start: Point, search: Callable[[Poin
         return _State(slid, outcome, excess)
 
     def settle(slid: FloatArray, near: Point) -> _State | None:
-        """Return the equilibrium with so much slip, None where none is found."""
+        """Return the equilibrium with so much slip, None if none is found."""
         nonlocal spent
         put(slid)
         point = problem.find_point(near.coordinate)
@@ -174,7 +174,7 @@ def _drop_slipping_tensions(problem: StaticProblem, point: Point) -> Point:
 def _find_step(
     state: _State, side: Any, probe: float, settle: Callable[..., _State | None]
 ) -> tuple[Any, float]:
-    """Return Newton's step of all rings [m], None where none is found, and a compliance, else 0 [m/N]."""
+    """Return Newton's step of all rings [m], None if none is found, and a compliance, else 0 [m/N]."""
     step, slips = np.where(side == 0, -state.slid, 0.0), np.flatnonzero(side)
     pull = state.pull(side)
     target = -pull[slips]
@@ -292,7 +292,7 @@ def _search(
 
 
 def _find_unheld(problem: StaticProblem, start: Point) -> Outcome | None:
-    """Return the outcome of loads along an axis on which nothing is anchored, None where they balance."""
+    """Return the outcome of loads along an axis on which nothing is anchored, None if they balance."""
     noise = problem.rounding_floor(problem.stiffness(start.coordinate), start) * np.sqrt(problem.size + 1)
     unheld = problem.find_unbalanced_axis(start.residual, float(noise))
     if unheld is None:
@@ -354,11 +354,7 @@ def choose_tolerance(subject: Any) -> float:
 def check_search_options(tolerance: float, max_iterations: int, method: str) -> None:
     """Raise InvalidValueError for options of a search that are out of range, UnknownNameError for methods."""
     check_choice(method, METHODS, "method", "method")
-    if not (is_number(tolerance) and 0 < tolerance < 1):
-        raise InvalidValueError(
-            "the tolerance is out of range", where="tolerance", given=tolerance,
-            allowed="above 0, below 1", hint="1e-9 is the default",
-        )  # fmt: skip
+    check_tolerance(tolerance, "tolerance", "1e-9 is the default")
     check_whole(
         max_iterations, "max_iterations", 1, problem="not a number of iterations", hint="500 is the default"
     )

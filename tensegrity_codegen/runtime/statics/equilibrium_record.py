@@ -75,7 +75,7 @@ class Snap:
     snapped : bool or None
         Whether the equilibrium was reached by a jump; None if unknown.
     limit_load_factor : float or None
-        Part of the loads up to which the path is stable; None if it is stable to its end, 0 where the
+        Part of the loads up to which the path is stable; None if it is stable to its end, 0 if the
         structure is unstable, or a mechanism, before any load acts.
     limit_prestress_factor : float or None
         The same for the prestress that is not in equilibrium in the given shape.
@@ -179,7 +179,7 @@ class Equilibrium(ByName, Summarised):
     feet : Feet or None
         Contacts with the ground: force, penetration, whether each is open, sticks or slips; None without one.
     snap : Snap or None
-        Whether it was reached by a jump while prestress and loads increased; None where that was not asked.
+        Whether it was reached by a jump while prestress and loads increased; None if that was not asked.
     """
 
     status: str
@@ -263,7 +263,7 @@ class Equilibrium(ByName, Summarised):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences about unexpected results; none where no equilibrium was found."""
+        """Sentences about unexpected results; none if no equilibrium was found."""
         if not self.is_found:
             return ()
         sentences = []
@@ -292,14 +292,14 @@ class Equilibrium(ByName, Summarised):
 
     @property
     def internal_argument(self) -> dict[str, FloatArray]:
-        """Internal states of members and feet as the argument `internal` [m]; empty where there are none."""
+        """Internal states of members and feet as the argument `internal` [m]; empty if there are none."""
         if self.internal is not None:
             return {"internal": self.internal}
         return {} if self.feet is None or not self.feet.internal.size else {"internal": self.feet.internal}
 
     @property
     def plastic_elongation(self) -> dict[str, float]:
-        """Plastic elongations of members by name [m]; empty where none is plastic."""
+        """Plastic elongations of members by name [m]; empty if none is plastic."""
         return name_plastic(self.internal_name, self.internal)
 
     @property

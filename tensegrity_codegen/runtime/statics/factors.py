@@ -22,7 +22,7 @@ class Factoriser:
         self._sparse: _Cholmod | _SuperLU | None = None
 
     def factorise(self, matrix: Any) -> Solve | None:
-        """Return b -> matrix^-1 b of a symmetric matrix (n, n); None where it is not positive definite."""
+        """Return b -> matrix^-1 b of a symmetric matrix (n, n); None if it is not positive definite."""
         self.n_factors += 1
         if isinstance(matrix, np.ndarray):
             return _factorise_dense(matrix)

@@ -1,7 +1,7 @@
 """Equilibria on the ground: the structure is let down until it touches, then its weights and loads grow.
 
 Without friction there is an energy, whose minimum is sought as that of any structure. With friction the
-result depends on the way: bristles start at zero where a foot first touches. In steps of the load, each from
+result depends on the way: bristles start at zero if a foot first touches. In steps of the load, each from
 the one before, Newton's method solves the balance of forces with friction limited to mu N; the number of
 steps is doubled until the result is settled.
 """
@@ -310,7 +310,7 @@ class _Loading:
         return Outcome("converged", equilibrium, self.iterations, message, stability=stability)
 
     def _grow(self, count: int) -> Point | None:
-        """Return the equilibrium under the whole load after `count` steps, None where the way ends."""
+        """Return the equilibrium under the whole load after `count` steps, None if the way ends."""
         problem, contacts = self.problem, self.contacts
         contacts.begin(problem.node_position(self.touching))
         self.last = _find_point(problem, self.touching)
@@ -398,7 +398,7 @@ class _Loading:
         return coordinate
 
     def _solve(self, coordinate: FloatArray) -> Point | None:
-        """Return the balance of forces that Newton's method finds, None where it finds none."""
+        """Return the balance of forces that Newton's method finds, None if it finds none."""
         self.contacts.limited = True
         problem = self.problem
         point = problem.find_point(coordinate)

@@ -149,8 +149,8 @@ class Point:
 class StaticProblem:
     """A model with all arguments fixed but the coordinates, at rest.
 
-    arguments: values of inputs and parameters that differ from the scene's. Raises FormulationError where
-    the model lacks a function and InvalidValueError where `arguments` hold a coordinate or velocity.
+    arguments: values of inputs and parameters that differ from the scene's. Raises FormulationError if
+    the model lacks a function and InvalidValueError if `arguments` hold a coordinate or velocity.
     Steps go along directions, here one for each coordinate.
     """
 
@@ -203,7 +203,7 @@ class StaticProblem:
         return coordinate
 
     def check_start(self, point: Point) -> None:
-        """Raise FormulationError where no energy has the forces of this problem for its gradient."""
+        """Raise FormulationError if no energy has the forces of this problem for its gradient."""
 
     def describe_pole(self, coordinate: FloatArray) -> str:
         """Return why these coordinates are not to be trusted, or an empty text."""
@@ -242,7 +242,7 @@ class StaticProblem:
         self.forget()
 
     def settle(self, coordinate: FloatArray) -> FloatArray | None:
-        """Return the internal states of members at `coordinate`, (n_internal,); None where they have none."""
+        """Return the internal states of members at `coordinate`, (n_internal,); None if they have none."""
         arguments = {**self._given, "coordinate": coordinate}
         if self.memory is not None:
             return self.memory.settle(arguments)
@@ -252,7 +252,7 @@ class StaticProblem:
         """Drop the stored configuration: loads or contacts have changed."""
 
     def find_point(self, coordinate: FloatArray) -> Point | None:
-        """Return the configuration with its energy and forces, None where any of them is not finite."""
+        """Return the configuration with its energy and forces, None if any of them is not finite."""
         try:
             residual, tension = self.forces(coordinate)
             energy = float(self.compute("potential_energy", coordinate))
@@ -276,7 +276,7 @@ class StaticProblem:
         )
 
     def find_displaced_point(self, coordinate: FloatArray, step: FloatArray) -> Point | None:
-        """Return the configuration a step (n_directions,) away from `coordinate`, None where not finite."""
+        """Return the configuration a step (n_directions,) away from `coordinate`, None if not finite."""
         if self.stiff is None:
             return self.find_point(coordinate + step)
         ahead = self.stiff.follow(coordinate, step, self.node_position)
@@ -344,7 +344,7 @@ class StaticProblem:
         return difference if isinstance(difference, np.ndarray) else scipy.sparse.csc_array(difference)
 
     def move_coordinate(self, coordinate: FloatArray, by: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-        """Return coordinates moved by `by`, and the displacement; None where constraints cannot be kept."""
+        """Return coordinates moved by `by`, and the displacement; None if constraints cannot be kept."""
         return coordinate + by, by
 
     def directional_residual(self, point: Point) -> FloatArray:
@@ -352,7 +352,7 @@ class StaticProblem:
         return point.residual
 
     def find_residual(self, coordinate: FloatArray) -> FloatArray | None:
-        """Return the residual forces alone, (n_coordinates,) [N], None where they are not finite."""
+        """Return the residual forces alone, (n_coordinates,) [N], None if they are not finite."""
         try:
             residual = self.residual(coordinate)
         except NonFiniteError:

@@ -36,7 +36,7 @@ MAX_CORRECTION_RATIO = 1.0  # largest correction of a step, as part of the step
 
 
 def find_spring_constants(compute: Callable[[str, FloatArray], Any], coordinate: FloatArray) -> FloatArray:
-    """Return |dt/dl| of members by a small displacement, (..., n_members) [N/m]; 0 where it moves none."""
+    """Return |dt/dl| of members by a small displacement, (..., n_members) [N/m]; 0 if it moves none."""
     tension, length = (np.array(compute(name, coordinate)) for name in ("member_tension", "member_length"))
     distance = PROBE * length.max(axis=-1, initial=0.0, keepdims=True)
     displaced = coordinate + distance * np.random.default_rng(0).uniform(-1.0, 1.0, coordinate.shape[-1])

@@ -60,7 +60,7 @@ class EnergyBalance:
 
 
 def balance_energy(kinetic: FloatArray, total: FloatArray, coordinate: FloatArray) -> EnergyBalance:
-    """Return the balance of energies (..., n_t) [J]; none where coordinates move by rounding alone."""
+    """Return the balance of energies (..., n_t) [J]; none if coordinates move by rounding alone."""
     change = total - total[..., :1]
     # Below this the change is rounding of the potential energy, not motion.
     floor = 1e-9 * np.fmax.reduce(np.abs(total - kinetic), axis=-1)
@@ -145,7 +145,7 @@ def evaluate_trajectory(
 def _find_contacts(
     samples: "_Samples", motion: Trajectory, values: Sequence[Mapping[str, Any]]
 ) -> ContactSamples | None:
-    """Return the contacts at the samples of a motion, given its arguments; None where nothing tells."""
+    """Return the contacts at the samples of a motion, given its arguments; None if nothing tells."""
     manifest = samples.model.manifest
     if not manifest.contact_name or not all(samples.model.has(name) for name in CONTACT_QUANTITIES):
         return None
@@ -178,7 +178,7 @@ def select_motion(arguments: Mapping[str, tuple[Any, bool]], k: int) -> dict[str
 
 
 class _Samples:
-    """All samples of motions as one batch of states, NAN where not reached; threads: 0 for single calls."""
+    """All samples of motions as one batch of states, NAN if not reached; threads: 0 for single calls."""
 
     def __init__(
         self,
@@ -229,7 +229,7 @@ class _Samples:
         )
 
     def compute(self, quantity: str) -> FloatArray:
-        """Return a quantity at all samples, (n_batch, n_t, ...), NAN where it is not finite."""
+        """Return a quantity at all samples, (n_batch, n_t, ...), NAN if it is not finite."""
         spec = next(function for function in self.model.manifest.functions if function.quantity == quantity)
         if not self.threads:
             values = np.full((*self.shape, *spec.shape), np.nan)
@@ -268,7 +268,7 @@ class _Samples:
         return values if self.raw.internal is None else {**values, "internal": self.raw.internal[k, row]}
 
     def _mask(self, values: FloatArray) -> FloatArray:
-        """Return values (n_batch, n_t, ...) with NAN where there is no sample."""
+        """Return values (n_batch, n_t, ...) with NAN if there is no sample."""
         rows = self.is_there.reshape(*self.shape, *(1,) * (values.ndim - 2))
         return np.where(rows, values, np.nan)
 

@@ -38,7 +38,7 @@ def list_columns(motion: Any) -> dict[str, NDArray[Any]]:
 
 
 def list_input_units(structure: Structure | BodySystem | None) -> Mapping[str, str]:
-    """Return the unit of each input by its name; empty where the structure is not known."""
+    """Return the unit of each input by its name; empty if the structure is not known."""
     return {} if structure is None else {input.name: INPUT_UNITS[input.kind] for input in structure.inputs}
 
 
@@ -126,7 +126,7 @@ MOTION_ENDINGS = tuple(WRITERS)
 
 
 def check_motion_file(path: str | Path) -> None:
-    """Raise OutputError for a name with another ending, MissingExtraError where its package is missing."""
+    """Raise OutputError for a name with another ending, MissingExtraError if its package is missing."""
     check_ending(path, *MOTION_ENDINGS)
     require_packages(path)
 

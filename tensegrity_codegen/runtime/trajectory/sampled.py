@@ -34,8 +34,8 @@ class Sampled(ByName, Summarised):
     time (n_t,) [s]; coordinate, velocity (..., n_t, n_coordinates); node_position, node_velocity
     (..., n_t, n_nodes, 3); member_tension (..., n_t, n_members) [N]; kinetic_energy, total_energy
     (..., n_t) [J]; status, message: how they went; method: by which they were integrated; node_name,
-    member_name; structure: what moves, for pictures and units, None where only a library is known; internal
-    (..., n_t, n_internal) and internal_name: internal states, None where there are none.
+    member_name; structure: what moves, for pictures and units, None if only a library is known; internal
+    (..., n_t, n_internal) and internal_name: internal states, None if there are none.
     """
 
     time: FloatArray
@@ -109,7 +109,7 @@ class Sampled(ByName, Summarised):
         return data
 
     def find_flaws(self) -> MemberFlaws:
-        """Return the limits that members exceed at some sample; none where only a library is known."""
+        """Return the limits that members exceed at some sample; none if only a library is known."""
         if self.structure is None:
             return MemberFlaws((), ())
         return check_motion(self.structure, self.member_tension, self.node_position)

@@ -16,6 +16,6 @@ def simulation_quantities(formulation: str) -> tuple[str, ...]:
 
 
 def require_simulation(model: Model) -> None:
-    """Raise FormulationError where a model lacks quantities of the samples of a motion."""
+    """Raise FormulationError if a model lacks quantities of the samples of a motion."""
     of_nodes = () if model.manifest.coordinate_node_axis else ("node_position", "node_velocity")
     require_quantities(model, (*SIMULATION_QUANTITIES, *of_nodes), "a simulation needs")

@@ -201,7 +201,7 @@ class Trajectory(Sampled):
 
     @property
     def plastic_elongation(self) -> dict[str, float]:
-        """Plastic elongations of members at the last sample, by name [m]; empty where none is plastic."""
+        """Plastic elongations of members at the last sample, by name [m]; empty if none is plastic."""
         return name_plastic(self.internal_name, None if self.internal is None else self.internal[-1])
 
     def headline(self) -> str:
@@ -289,7 +289,7 @@ class BatchTrajectory(Sampled):
     energy_drift : ndarray, shape (n_batch,)
         As of a Trajectory; NAN with damping or a schedule.
     error_estimate : ndarray, shape (n_batch,)
-        Estimated error over the tolerance; NAN where the method makes none.
+        Estimated error over the tolerance; NAN if the method makes none.
     status, message : tuple of str
         Of each motion: words as of a Trajectory, and ``"non_finite_input"``.
     n_reached, n_steps, n_rejected, n_evaluations : ndarray of int, shape (n_batch,)
@@ -355,7 +355,7 @@ class BatchTrajectory(Sampled):
         return f"{len(self)} motions, {int(self.is_ok.sum())} ok{self.say_unestimated()}"
 
     def say_unestimated(self) -> str:
-        """Return the words for good motions whose error is not estimated, none where all errors are."""
+        """Return the words for good motions whose error is not estimated, none if all errors are."""
         unknown = int((self.is_ok & np.isnan(self.error_estimate)).sum())
         return f"; the error of {unknown} is not estimated" if unknown else ""
 

@@ -152,7 +152,7 @@ class StiffRows:
 
 
 def take(record: Any, rows: Any) -> Any:
-    """Return rows of the arrays of a data class, by a mask or rising numbers; itself where these are all."""
+    """Return rows of the arrays of a data class, by a mask or rising numbers; itself if these are all."""
     if isinstance(record, np.ndarray):
         return record[rows]
     rows = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows
@@ -276,7 +276,7 @@ class BatchProblem:
         )
 
     def find_displaced_points(self, point: Points, step: FloatArray, rows: IntArray) -> Points:
-        """Return the configurations steps (count, n_coordinates) away; not finite where there is none."""
+        """Return the configurations steps (count, n_coordinates) away; not finite if there is none."""
         if self.stiff is None:
             return self.find_points(point.coordinate + step, rows)
         ahead, is_placed = self.stiff.follow(point.coordinate, point.position, step, rows)

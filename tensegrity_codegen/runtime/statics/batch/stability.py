@@ -20,7 +20,7 @@ PERPENDICULAR_TOLERANCE = 1e-6  # cosine of the angle up to which slides are acr
 
 @dataclass(frozen=True)
 class Stabilities:
-    """As of `Stability`, one row a case; eigenvalues are NAN where the stiffness is not finite."""
+    """As of `Stability`, one row a case; eigenvalues are NAN if the stiffness is not finite."""
 
     smallest_eigenvalue: FloatArray
     neutral_motions: IntArray
@@ -68,7 +68,7 @@ def find_idle_motions(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the rigid motions (count, n, k) that cost no force, as `newton.find_idle_motions` does.
 
-    motions: orthonormal (count, n, k). In both, columns are zero where a case has fewer. Also how they are
+    motions: orthonormal (count, n, k). In both, columns are zero if a case has fewer. Also how they are
     combined of `motions` (count, k, k), rows, and what may count as no stiffness of them, (count,) [N/m].
     """
     local = points.position - points.position.mean(axis=1, keepdims=True)
@@ -89,7 +89,7 @@ def find_idle_motions(
 
 
 def find_rigid_motions(problem: BatchProblem, position: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return motions as of `build_rigid_motions` (count, n, k), zero where fewer, and their twists."""
+    """Return motions as of `build_rigid_motions` (count, n, k), zero if fewer, and their twists."""
     axes = list(problem.manifest.axes)
     motions, fields = build_all_motions(axes, position)
     free = np.zeros(position.shape[1:], dtype=bool)
