@@ -325,12 +325,14 @@ def analyse(
     require_model(model)
     check_tolerance(rank_tolerance, "rank_tolerance", f"{RANK_TOLERANCE:g} is the default")
     check_whole(n_modes, "n_modes", 0, problem="not a number of modes", hint=f"{MODES} is the default")
+    # The equilibrium matrix A: its rank, self-stresses A t = 0 and free motions A^T d = 0.
     at = read_configuration(model, coordinate, arguments)
     rank = find_rank(
         at.equilibrium_matrix, tolerance=rank_tolerance, rounding=at.rounding, absent=at.is_absent
     )
     motions = find_free_motions(rank, at.rigid_motions)
     tensions = _find_tensions(at, rank, motions)
+    # The present state: stiffness, modes and distances of bars.
     stiffness = find_stability(at.problem, at.point)
     modes = find_modes(at, stiffness.neutral, n_modes) if model.has("mass_matrix") else None
     bar_distance = None

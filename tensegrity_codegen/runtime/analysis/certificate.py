@@ -196,6 +196,7 @@ def _find_even(modes: FloatArray, pull: FloatArray) -> FloatArray | None:
     count, free = basis.shape
     if free == 0:
         return None
+    # Maximise s subject to s <= y <= 1 and pull . y <= 0, with y = basis x.
     column = np.ones((count, 1))
     blocks: Any = [
         [-basis, column],
@@ -210,6 +211,7 @@ def _find_even(modes: FloatArray, pull: FloatArray) -> FloatArray | None:
     best: FloatArray = basis @ optimum[:-1]
     if best.min() > 1 - OPTIMUM_TOLERANCE or count > MAX_EVEN:
         return best
+    # Among all optima the one of least norm.
     square = np.linalg.qr(basis.toarray())[0]
     bounds = np.vstack([square, -square, -(pull @ square)[None, :]])
     floor = np.concatenate(

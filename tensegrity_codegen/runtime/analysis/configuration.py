@@ -303,6 +303,7 @@ class Modes:
 def find_modes(at: Configuration, rigid: FloatArray, count: int) -> Modes | None:
     """Find the first modes, K v = (2 pi f)^2 H v, off the rigid ones (n, k); None if masses are zero."""
     problem = at.problem
+    # Matrices over motions orthogonal to the rigid ones: R^T H v = 0.
     stiffness = np.asarray(problem.stiffness(at.coordinate).toarray())
     mass = _find_mass(at)
     if len(mass) and mass.diagonal().min() <= 0.0:
@@ -320,6 +321,7 @@ def find_modes(at: Configuration, rigid: FloatArray, count: int) -> Modes | None
             where=problem.model.manifest.name,
             allowed="masses and stiffnesses whose quotients are numbers",
         ) from error
+    # Squares of angular frequencies; rounding counts as zero.
     chosen = slice(0, min(count, total))
     square = np.where(np.abs(value) > ZERO_FREQUENCY_TOLERANCE * np.abs(value).max(), value, 0.0)[chosen]
     shape = problem.node_velocities(at.coordinate, basis @ vector[:, chosen])

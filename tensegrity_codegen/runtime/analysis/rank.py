@@ -105,10 +105,12 @@ def find_rank(
     check_finite(matrix, "equilibrium_matrix")
     _check_size(matrix)
     n, m = matrix.shape
+    # Singular values of the columns of members that have a direction.
     present = np.ones(m, dtype=bool) if absent is None else ~absent
     left, value, own = np.linalg.svd(matrix[:, present], full_matrices=True)
     right = np.zeros((len(own), m))
     right[:, present] = own
+    # The cut between values that count and zeros.
     largest = float(value.max(initial=0.0))
     rounding_bound = max(rounding, EPSILON) * 8 * max(n, m, 1)
     relative = value / largest if largest else value

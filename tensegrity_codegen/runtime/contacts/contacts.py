@@ -153,6 +153,7 @@ class Contacts:
         bristle, slips = self.bristles(position)
         depth = self.depth(position)
         blocks = []
+        # Of each contact kt dT/dx, across its slip only where mu N limits the friction.
         for c in range(ground.n_contacts):
             length = float(np.linalg.norm(trial[c]))
             along = trial[c] / length if slips[c] else 0.0 * trial[c]

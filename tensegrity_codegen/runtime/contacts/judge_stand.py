@@ -86,12 +86,14 @@ def find_foot_forces(problem: FootProblem, friction: float) -> FootForces:
     directions = (
         np.array([[1.0], [-1.0]]) if tangents == 1 else np.stack([np.cos(angle), np.sin(angle)], axis=1)
     )
+    # Planes u . F - mu N <= tau about each cone to begin with.
     cuts = [(i, direction) for i in range(count) for direction in directions]
     equal = np.hstack([matrix, np.zeros((len(matrix), 1))])
     bounds: Any = [(0.0 if k % width == 0 else None, None) for k in range(count * width)] + [(None, None)]
     cost = np.zeros(count * width + 1)
     cost[-1] = 1.0
     previous_gap = np.inf
+    # Minimise tau subject to G f = -W and the planes; add planes at violated cones.
     for _ in range(MAX_CUTS):
         rows = np.zeros((len(cuts), count * width + 1))
         for row, (i, direction) in zip(rows, cuts, strict=True):
@@ -282,6 +284,7 @@ class _Judge:
     size: float
 
     def judge(self) -> Stand:
+        # Feet, resultant and moment.
         node = self.ground.node[self.feet]
         name = tuple(self.structure.node_name[k] for k in node)
         position = self.position[node]
@@ -300,6 +303,7 @@ class _Judge:
         press = -float(total @ self.ground.normal)
         if press <= ROUNDING * float(np.abs(self.external).sum()):
             return _say(stand, "lifts_off", "nothing presses it onto the ground")
+        # Support polygon, then forces of the feet.
         about = moment - np.cross(centre, total)
         reach, margin, edge = _find_support(self.structure, position, self.position, self.external)
         problem = FootProblem(

@@ -102,6 +102,7 @@ class LoadedLibrary:
             ) from error
 
     def _check_descriptor(self, manifest: Manifest) -> None:
+        # Version of the interface, precision, and hash of the scene.
         descriptor = self.symbol(f"{manifest.name}_descriptor")
         if descriptor.abi_version != ABI_VERSION:
             raise AbiMismatchError(
@@ -289,6 +290,7 @@ class BatchFunction:
                 given=len(values),
                 allowed=f"{len(self.arguments)}: {', '.join(self.arguments)}",
             )
+        # Arrays, and one length of the batch axis.
         arrays = [
             to_batch(value, shape, self.precision, name)
             for value, shape, name in zip(values, self._shapes, self.arguments, strict=True)

@@ -127,6 +127,7 @@ class EquilibriumSolver:
                 hint='build the model with [parameters] node_load = "all"',
             )
         passed = self._arguments(arguments)
+        # The loads of all points, and the start.
         shape = self.model.nominal(self.spec.varied).shape
         varied = np.ascontiguousarray(values, dtype=np.float64)
         if varied.shape[1:] != shape:
@@ -135,6 +136,7 @@ class EquilibriumSolver:
             )
         passed[self.spec.varied] = varied
         coordinate = self._sized("coordinate", start, (self._size,))
+        # One call for the whole path; n_found: points that it reached.
         count = len(varied)
         solution, report = np.empty((count, self._size)), np.zeros(count, dtype=REPORT)
         n_found = self._ffi.new("long long *")

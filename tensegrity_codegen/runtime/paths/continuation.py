@@ -183,6 +183,7 @@ class _Path:
         for event in self.events:
             if event.kind not in ("limit", "stability"):
                 return "stopped", f"{event.kind} of {', '.join(event.names)} at the start"
+        # Steps: next point, its events, then the tangent from there.
         length = self.control.largest * FIRST_STEP_RATIO
         for _ in range(self.control.most_steps):
             step, length = self._find_step(state, tangent, length)

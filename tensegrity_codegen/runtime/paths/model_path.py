@@ -88,6 +88,7 @@ class ModelPath:
         self._force = next((name for name in FORCES if model.has(name)), "")
         if not self._force or not model.has("tangent_stiffness"):
             require_quantities(model, LOAD_PATH_QUANTITIES, PURPOSE)
+        # Base and pattern of each growing argument.
         inputs = read_arguments(arguments)
         patterns = dict(pattern) if isinstance(pattern, Mapping) else {"node_load": pattern}
         _check_growing(model, patterns)
@@ -100,6 +101,7 @@ class ModelPath:
             name: to_doubles(value, "pattern", shapes[name]).copy() for name, value in patterns.items()
         }
         _check_patterns(self.patterns, self.bases)
+        # All other arguments, and the constant load vector if there is one.
         self.size = len(model.manifest.coordinate_name)
         self.arguments = {**inputs, "velocity": np.zeros(self.size)}
         self.memory = find_rest_memory(model, inputs)

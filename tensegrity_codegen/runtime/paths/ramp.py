@@ -167,6 +167,7 @@ class Ramp:
         point = problem.find_point(problem.to_search_coordinate(start))
         if point is None:
             return Way(failed=True, message="the forces at the start are not finite")
+        # A start that is unstable, or has no stiffness until a first load pushes it.
         stability = find_stability(problem, point)
         if stability.is_unstable:
             return Way(limit=0.0, message="the structure is in an unstable equilibrium before the loads act")

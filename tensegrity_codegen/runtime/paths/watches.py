@@ -84,6 +84,7 @@ def watch_members(path: ModelPath, structure: Structure | BodySystem) -> list[Wa
     """Return the monitored limits of members, at zero exceeded or met; without [buckling], Euler's load."""
     check_instance(path, ModelPath, "path", "what build_path(...) returns")
     check_instance(structure, (Structure, BodySystem), "structure", "a Structure or BodySystem")
+    # Limits that each member has.
     limits = structure.limits.for_members(structure.n_members)
     euler, area = np.pi**2 * structure.flexural_rigidity, structure.section_area
     factor = np.where(limits.buckling > 0, limits.buckling, 1.0)

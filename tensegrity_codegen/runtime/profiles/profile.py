@@ -157,6 +157,7 @@ def _check_time(time: FloatArray) -> None:
             allowed="0 at the first knot",
             hint="add a knot at 0 with the value that the motion starts with",
         )
+    # Rising times, of which two equal ones are a jump.
     gap = np.diff(time)
     if (gap < 0.0).any():
         k = int(np.argmax(gap < 0.0)) + 1

@@ -140,12 +140,14 @@ def motion_gradient(
     check_callback(loss, "loss")
     options = read_stepping(Stepping(control="steps")).with_method(method, rtol)
     motion = read_motion(model, options, t_end, samples, arguments, schedule, coordinate, velocity)
+    # The motion forwards, and its loss.
     run = TapedRun(motion, options, memory)
     raw = run.finish()
     trajectory = evaluate_trajectory(model, raw, motion.arguments, motion.schedule)
     if trajectory.status != "ok":
         raise ConvergenceError(f"the motion fails: {trajectory.message}", where=model.manifest.name)
     value, derivatives = read_loss(loss, trajectory)
+    # Backwards over the steps, from weights of the states at the samples.
     weights = _Weights(model, trajectory, motion.arguments, motion.schedule)
     for name, derivative in derivatives.items():
         getattr(weights, f"add_{name}")(derivative)
@@ -163,6 +165,7 @@ def motion_gradient(
     gradient = MotionGradient(value, trajectory, by, knots, derivatives)
     if not check:
         return gradient
+    # Compare with differences of motions nearby.
     nearby = _Nearby(gradient, motion, arguments, schedule)
 
     def compute_loss(step: float) -> float:

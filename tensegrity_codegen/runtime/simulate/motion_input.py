@@ -179,6 +179,7 @@ def read_schedule(
             given=options.keep,
             allowed='keep="" with a schedule',
         )
+    # Names that may change with time.
     manifest = model.manifest
     names = schedule.values if isinstance(schedule, Profile) else merge_inputs(manifest, schedule(0.0))
     check_arguments(model.manifest, dict.fromkeys(unify_name(manifest, name) for name in names))
@@ -186,6 +187,7 @@ def read_schedule(
         raise InvalidValueError(
             "anchor positions cannot change during a motion", where="schedule", given="anchor_position"
         )
+    # A profile is bound to the model; a function is called at each time.
     if isinstance(schedule, Profile):
         bound = bind_profile(model, schedule, arguments, t_end)
         check_rigid(model, bound)
@@ -263,6 +265,7 @@ def read_starts(path: str | Path, manifest: Manifest) -> dict[str, Any]:
     Raises SceneSyntaxError for what is no such file, UnknownNameError for another name, InvalidValueError for
     nodes that are moved where they are held.
     """
+    # Names that the file may have.
     arguments = [argument.name for argument in manifest.arguments if argument.name not in OF_NODES.values()]
     arguments += [name for name in manifest.input_name if unify_name(manifest, name) != name]
     states = [*OF_NODES.values(), *(OF_NODES if manifest.coordinate_node_axis else ())]
@@ -284,6 +287,7 @@ def read_starts(path: str | Path, manifest: Manifest) -> dict[str, Any]:
             given=describe_reason(error),
             allowed="an .npz file of NumPy arrays",
         ) from error
+    # States of nodes become coordinates; other arrays are arguments.
     starts: dict[str, Any] = {"arguments": {}}
     for name, array in data.items():
         if name in arguments:

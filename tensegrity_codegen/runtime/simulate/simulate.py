@@ -64,6 +64,7 @@ class Until:
         schedule: Schedule | None = None,
     ) -> Watch | None:
         """Return the events for the integrator, jumps of stiffness too if it knows them; None: as usual."""
+        # The condition, then contacts, beside jumps of stiffness.
         condition = self.condition
         kinds: list[str] = []
         stop: list[str] = []

@@ -270,6 +270,7 @@ def _join_motions(
     manifest, n_batch, n_samples = model.manifest, len(outcomes), len(time)
     n_coordinates, n_nodes = len(manifest.coordinate_name), len(manifest.node_name)
     n_members = len(manifest.member_name)
+    # Empty arrays of all samples.
     shapes: dict[str, tuple[int, ...]] = dict.fromkeys((*STATE, *SAMPLED), ())
     shapes |= {"coordinate": (n_coordinates,), "velocity": (n_coordinates,), "member_tension": (n_members,)}
     shapes |= {"node_position": (n_nodes, 3), "node_velocity": (n_nodes, 3)}
@@ -281,6 +282,7 @@ def _join_motions(
     energy_drift, error_estimate = np.full(n_batch, np.nan), np.full(n_batch, np.nan)
     n_reached, n_steps, n_evaluations = (np.zeros(n_batch, dtype=np.int64) for _ in range(3))
     verdicts: list[tuple[str, str]] = []
+    # Rows of the motions that began.
     for k, motion in enumerate(outcomes):
         if not isinstance(motion, Trajectory):
             verdicts.append(motion)

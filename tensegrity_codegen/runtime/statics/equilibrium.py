@@ -119,6 +119,7 @@ def slip_until_held(problem: StaticProblem, start: Point, search: Callable[[Poin
         spent += outcome.iterations
         return measure(slid, outcome) if outcome.status in FOUND else None
 
+    # Newton's method on the gap, with the step halved until the gap falls.
     state = measure(np.zeros(len(row)), unslipped)
     size = float(np.max(problem.compute("member_length", state.outcome.point.coordinate)))
     slope = first_slope = PROBE * size / max(state.outcome.point.largest_force, 1e-300)
@@ -136,24 +137,20 @@ def slip_until_held(problem: StaticProblem, start: Point, search: Callable[[Poin
         if np.abs(gap).max() <= slope * max(ACCURACY * point.largest_force, rounding):
             put(state.slid)
             return replace(state.outcome, iterations=spent)
+        # The step, no longer than LARGEST_SLIP.
         step, compliance = _find_step(state, side, PROBE * size, settle)
         if step is None:
             break
         if compliance:
             slope = compliance
             gap = state.find_gap(slope)[0]
-        fraction, largest = 1.0, float(np.abs(step).max())
+        fraction, largest, bound = 1.0, float(np.abs(step).max()), np.abs(gap).max()
         step = step * min(1.0, LARGEST_SLIP * size / largest) if largest > 0 else step
-        while True:
+        while fraction >= MIN_PART:
             trial = settle(state.slid + fraction * step, point)
-            if (
-                trial is not None
-                and np.abs(trial.find_gap(slope)[0]).max() < (1 - 0.1 * fraction) * np.abs(gap).max()
-            ):
+            if trial is not None and np.abs(trial.find_gap(slope)[0]).max() < (1 - 0.1 * fraction) * bound:
                 break
             fraction /= 2
-            if fraction < MIN_PART:
-                break
         if trial is None:
             break
         state = trial
@@ -223,6 +220,7 @@ def find_equilibrium(
     check_callback(progress, "progress")
     check_switch(raise_on_failure, "raise_on_failure")
     check_switch(frictionless, "frictionless")
+    # The start, with stiff members to be kept.
     problem = build_problem(model, arguments)
     if problem.contacts is not None and frictionless:
         problem.contacts.friction = False
@@ -232,6 +230,7 @@ def find_equilibrium(
     if point is None:
         equilibrium = record_without_forces(problem, start, method)
     else:
+        # The search: with rings, alone, or on the ground.
         with work_pass(SETTLING):
             follow = follow_residual(progress)
 
@@ -273,6 +272,7 @@ def _search(
             problem, start, tolerance=tolerance, max_iterations=max_steps, progress=progress
         )
         return method, relaxed
+    # Newton's method; where it stalls, relaxation and then Newton's method from there.
     newton = find_minimum(
         problem, start, tolerance=tolerance, max_iterations=max_iterations, progress=progress
     )

@@ -222,6 +222,7 @@ class _Search:
     def _move(self, stiffness: Any, floor: float) -> bool:
         """Take a step, with more damping until the energy falls as it should; say whether one did."""
         problem, point, damping = self.problem, self.point, self.damping
+        # The damped system (K* + D^T S D + mu I) s = f, without motions that no force drives.
         path = problem.find_path_stiffness(stiffness, point)
         difference = problem.find_differences(point.coordinate)
         neutral = self._find_undriven_motions(stiffness, floor)
@@ -241,10 +242,12 @@ class _Search:
             if trial is None or end is None or turn.max(initial=0.0) > MAX_TURN:
                 damping.hold(turn, here)
                 continue
+            # Energy that the damped and the undamped model save, and that the step saves.
             damped, predicted = float(force @ step) / 2, float(force @ step - step @ (path @ step) / 2)
             by_force = predicted <= ENERGY_DIGITS * point.energy_scale
             saved = self._saving(trial, by_force=by_force)
             need = damping.find_need(moved, here, end, problem.kept_strands)
+            # Correct the step to second order if it saves too little.
             if saved < 0.5 * damped and not by_force:
                 pull = damping.find_lengthening(moved, here, end)
                 correction = solve(np.asarray(difference.T @ pull.ravel()))

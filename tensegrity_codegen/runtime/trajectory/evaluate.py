@@ -104,6 +104,7 @@ def evaluate_trajectory(
     model: Model, raw: RawTrajectory, arguments: Mapping[str, Any], schedule: Schedule | None = None
 ) -> Trajectory:
     """Return the trajectory with tensions and energies, its status corrected by the energy balance."""
+    # The motion as a batch of one.
     batch = RawBatch(
         time=raw.time,
         state=raw.state[None],
@@ -122,6 +123,7 @@ def evaluate_trajectory(
     if not len(trajectory.time):
         for name in COLUMNS:
             model.compute(name, **samples.sample(0, 0))
+    # Arguments at the samples.
     values = [{**arguments, **(schedule(float(time)) if schedule else {})} for time in trajectory.time]
     inputs = None
     if any(argument.name == INPUT for argument in model.manifest.arguments):
@@ -196,6 +198,7 @@ class _Samples:
 
     def evaluate(self, run: RawTrajectory | None = None) -> BatchTrajectory:
         """Return the motions; run: of the only one, with tensions that were unknowns of their own."""
+        # Tensions and energies, up to the last finite sample.
         columns = {name: self.compute(name) for name in COLUMNS}
         self._drop_overflown(columns)
         columns = {name: self._mask(values) for name, values in columns.items()}

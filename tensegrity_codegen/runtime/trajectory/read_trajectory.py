@@ -48,6 +48,7 @@ def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
             given=f"{len(names[0])} nodes, {len(names[1])} members",
             allowed=f"the {structure.n_nodes} nodes and {structure.n_members} members of {structure.name}",
         )
+    # Arrays of the right shapes, then contacts with the ground.
     ground = structure.ground
     if ground is not None and driven.get("internal", np.zeros(0)).shape[-1:] > (
         len(structure.internal_name),

@@ -48,6 +48,7 @@ class ContactSamples:
 
 def find_feet(samples: ContactSamples, ground: Ground, log: EventLog) -> tuple[Foot, ...]:
     """Return the contacts that touched, by events or else samples, those with the largest force first."""
+    # Forces, their use of friction, and ways along the ground relative to a belt.
     normal = samples.force @ ground.normal
     tangential = np.linalg.norm(samples.force - normal[..., None] * ground.normal, axis=2)
     limit = (ground.friction if samples.friction is None else samples.friction[:, None]) * normal
@@ -56,6 +57,7 @@ def find_feet(samples: ContactSamples, ground: Ground, log: EventLog) -> tuple[F
     along = np.linalg.norm(moved - (moved @ ground.normal)[..., None] * ground.normal, axis=2)
     closed = samples.penetration > 0
     slide = np.where(closed[1:] & closed[:-1], along, 0.0).sum(axis=0)
+    # First touch and number of touches, by events or by samples.
     feet = []
     for k, node in enumerate(samples.node):
         begun = [0.0] if closed[0, k] else []

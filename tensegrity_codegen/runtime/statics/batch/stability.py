@@ -146,11 +146,13 @@ def find_distances(
     )
     n_turns[np.abs(twists[:, :, :3]).max(axis=(1, 2), initial=0.0) <= TURN_TOLERANCE] = 0
     slides = _find_slides(twists, n_neutral, n_turns)
+    # Slides alone: the mean displacement along them is taken out.
     move = (end - start).mean(axis=1)
     sliding = np.flatnonzero(n_turns == 0)
     along = (slides[sliding] @ move[sliding][:, :, None])[:, :, 0]
     distance[sliding] = np.linalg.norm(end[sliding] - start[sliding] - along[:, None, :], axis=2)
     start_local, end_local = (points - points.mean(axis=1, keepdims=True) for points in (start, end))
+    # One turn, with slides across its axis.
     across = (slides @ axis[:, 0][:, :, None])[:, :, 0]
     rank = np.trace(slides, axis1=1, axis2=2).round()
     is_across = (rank == 3) | ((rank == 2) & (np.linalg.norm(across, axis=1) <= PERPENDICULAR_TOLERANCE))
@@ -160,6 +162,7 @@ def find_distances(
         turned = _turn_about(axis[single, 0], start_local[single], end_local[single])
         across_slides = move[single] - (slides[single] @ move[single][:, :, None])[:, :, 0]
         distance[single] = np.linalg.norm(end_local[single] + across_slides[:, None, :] - turned, axis=2)
+    # All rigid motions.
     free = np.flatnonzero((n_turns == 3) & (n_neutral == 6))
     if len(free):
         distance[free] = np.linalg.norm(
