@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from tensegrity_codegen.codegen.integrators.events import MOST_IN_SUCCESSION
+from tensegrity_codegen.codegen.integrators.events import MAX_IN_SUCCESSION
 from tensegrity_codegen.system.version import VERSION
 from tensegrity_codegen.tables.quantities import PARAMETERS, QUANTITIES
 
@@ -75,8 +75,8 @@ def test_every_path_in_the_contributing_guide_exists() -> None:
 
 def test_the_embedding_page_states_when_a_run_with_too_many_events_ends() -> None:
     text = document("docs/embedding.md").replace("\n", " ")
-    assert set(re.findall(r"(\d+) in a row(?:,| within)", text)) == {str(MOST_IN_SUCCESSION)}
-    assert set(re.findall(r"([\d,]+) trial steps in a row", text)) == {f"{10 * MOST_IN_SUCCESSION:,}"}
+    assert set(re.findall(r"(\d+) in a row(?:,| within)", text)) == {str(MAX_IN_SUCCESSION)}
+    assert set(re.findall(r"([\d,]+) trial steps in a row", text)) == {f"{10 * MAX_IN_SUCCESSION:,}"}
 
 
 def test_the_model_page_offers_rigid_bars_instead_of_stiff_ones() -> None:

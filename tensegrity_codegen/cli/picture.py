@@ -227,7 +227,7 @@ def show_live(
     """Write a live page of a scene; return the result of the verb as data and as text."""
     from tensegrity_codegen.live.draw import find_modes
     from tensegrity_codegen.live.live_page import render_live
-    from tensegrity_codegen.live.live_scene import MOST_NAMES, LiveStart, build_live_scene
+    from tensegrity_codegen.live.live_scene import MAX_NAMES, LiveStart, build_live_scene
     from tensegrity_codegen.live.three_module import find_three
     from tensegrity_codegen.pipeline.settle import find_settled
     from tensegrity_codegen.report.pictures.draw import find_rigid
@@ -258,7 +258,7 @@ def show_live(
         "n_modes": len(shown.data["modes"]),
         "modes_note": note,
         "rounding": dict(shown.data["rounding"]),
-        **describe_left_out(output, subject, choices.labels, MOST_NAMES),
+        **describe_left_out(output, subject, choices.labels, MAX_NAMES),
     }
     return data, f"wrote {out} ({size / 1e6:.2g} MB)"
 

@@ -22,7 +22,7 @@ import casadi as ca
 
 from tensegrity_codegen.codegen.emitter import EmittedModel, PrunedFunction, WantedFunction
 from tensegrity_codegen.codegen.print.printer import print_body
-from tensegrity_codegen.codegen.unrolled import MOST_MEMBERS, MOST_OPERATIONS, check_unrollable
+from tensegrity_codegen.codegen.unrolled import MAX_MEMBERS, MAX_OPERATIONS, check_unrollable
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.model import SymbolicModel, count_operations
@@ -62,7 +62,7 @@ class Derivatives:
 NO_DERIVATIVES = Derivatives()
 TOO_LONG = "too long for unrolled code: "
 # Entries of a pattern that casadi.external is told: it wants them a second time, which takes compilers long.
-MOST_ENTRIES = 200_000
+MAX_ENTRIES = 200_000
 CASADI_INTERFACES = ("casadi", "casadi_hessian")  # interfaces of casadi.external
 
 
@@ -84,7 +84,7 @@ def needed_stiffness(structure: Subject, request: ModelRequest) -> tuple[str, ..
     is_wanted = (
         set(request.interfaces).intersection(CASADI_INTERFACES) and "node_residual" in request.quantities
     )
-    is_large = structure.n_members > MOST_MEMBERS
+    is_large = structure.n_members > MAX_MEMBERS
     if not is_wanted or not is_large or request.parameters or structure.inputs:
         return ()
     return ("tangent_stiffness",)
@@ -97,7 +97,7 @@ def build_derivatives(
     if not set(request.interfaces).intersection(CASADI_INTERFACES):
         return NO_DERIVATIVES
     requested = _list_wanted(functions, "casadi_hessian" in request.interfaces)
-    if model.subject.n_members > MOST_MEMBERS:
+    if model.subject.n_members > MAX_MEMBERS:
         stiffness = _find_stiffness(functions)
         missing = [
             derivative.name
@@ -106,7 +106,7 @@ def build_derivatives(
         ]
         return Derivatives(too_long=tuple(missing), stiffness=stiffness)
     symbolic = model if isinstance(model, SymbolicModel) else build_model(model.subject, request)
-    remaining_operations = MOST_OPERATIONS - sum(f.written_operations for f in functions)
+    remaining_operations = MAX_OPERATIONS - sum(f.written_operations for f in functions)
     made: list[Derivative] = []
     too_long: list[str] = []
     for derivative in requested:
@@ -162,7 +162,7 @@ def _find_stiffness(functions: Sequence[WantedFunction]) -> WantedFunction | Non
     if residual is None or stiffness is None or stiffness.pattern is None:
         return None
     is_same = residual.arguments == stiffness.arguments == ("coordinate",)
-    return stiffness if is_same and len(stiffness.pattern.row) <= MOST_ENTRIES else None
+    return stiffness if is_same and len(stiffness.pattern.row) <= MAX_ENTRIES else None
 
 
 def _as_casadi(model: SymbolicModel, function: WantedFunction) -> ca.Function:
@@ -239,7 +239,7 @@ def casadi_context(
     derived = [
         _build_derived(scene, derivative)
         for derivative in derivatives.made
-        if all(derivative.function.nnz_out(k) <= MOST_ENTRIES for k in range(derivative.function.n_out()))
+        if all(derivative.function.nnz_out(k) <= MAX_ENTRIES for k in range(derivative.function.n_out()))
     ]
     if derivatives.stiffness is not None:
         (stiffness,) = (f for f in functions if f["quantity"] == derivatives.stiffness.quantity.name)
@@ -325,12 +325,12 @@ def build_acados(model: SymbolicModel) -> tuple[Derivative, ...]:
         function = ca.Function("acados", list(symbols.values()), shared, list(symbols), list(results))
         made.append(Derivative(name, 1, function, f"acados: {name}", count_operations(function)))
     total = sum(derivative.operations for derivative in made)
-    if total > MOST_OPERATIONS:
+    if total > MAX_OPERATIONS:
         raise FormulationError(
             "the functions for acados are too long for unrolled code",
             where=f"{model.name}: model.interfaces",
             given=f"{total} operations",
-            allowed=f"at most {MOST_OPERATIONS} operations",
+            allowed=f"at most {MAX_OPERATIONS} operations",
             hint="use a smaller structure",
         )
     return tuple(made)

@@ -15,7 +15,7 @@ from tensegrity_codegen.codegen.integrators.events import EVENT_QUANTITIES, choo
 from tensegrity_codegen.codegen.lanes.emitter import FORCE_QUANTITIES
 from tensegrity_codegen.codegen.lanes.kernel import BLOCKS
 from tensegrity_codegen.codegen.table.emitter import TABLE
-from tensegrity_codegen.codegen.unrolled import MOST_MEMBERS
+from tensegrity_codegen.codegen.unrolled import MAX_MEMBERS
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.ground_support import needs_state_jacobian
 from tensegrity_codegen.structure.sliding import has_rings
@@ -27,8 +27,8 @@ from tensegrity_codegen.tables.integrators import called_quantities
 from tensegrity_codegen.tables.request import ModelRequest
 
 AUTO = "auto"
-LEAST_VECTOR_MEMBERS = 4  # that fill one vector of the emitter lanes
-MOST_STRAIGHT_LINE_MEMBERS = (
+MIN_VECTOR_MEMBERS = 4  # that fill one vector of the emitter lanes
+MAX_STRAIGHT_LINE_MEMBERS = (
     100  # members up to which straight-line code is faster than loops and compiles quickly
 )
 
@@ -47,7 +47,7 @@ class EmitterFacts:
     n_members: int
     has_vectors: bool = False
     lacking: tuple[str, ...] = ()
-    most_members: int = MOST_MEMBERS
+    most_members: int = MAX_MEMBERS
     has_rings: bool = False
 
 
@@ -67,23 +67,21 @@ def choose_emitter(facts: EmitterFacts) -> EmitterChoice:
     emitters = find_formulation(facts.formulation).emitters
     if facts.has_rings:
         return EmitterChoice("unrolled", "cables through rings: the only emitter that knows them")
-    if "table" in emitters and "lanes" not in emitters and count > MOST_STRAIGHT_LINE_MEMBERS and is_open:
-        return EmitterChoice(
-            "table", f"{members}, more than {MOST_STRAIGHT_LINE_MEMBERS}: loops, for statics"
-        )
+    if "table" in emitters and "lanes" not in emitters and count > MAX_STRAIGHT_LINE_MEMBERS and is_open:
+        return EmitterChoice("table", f"{members}, more than {MAX_STRAIGHT_LINE_MEMBERS}: loops, for statics")
     if "lanes" not in emitters:
         return EmitterChoice("unrolled", f"the only emitter for the formulation {facts.formulation!r}")
-    if count <= MOST_STRAIGHT_LINE_MEMBERS and facts.has_vectors:
+    if count <= MAX_STRAIGHT_LINE_MEMBERS and facts.has_vectors:
         why = f"{members}, forces or stiffness requested: four members at a time are fastest"
         return EmitterChoice("lanes", why)
-    if count <= MOST_STRAIGHT_LINE_MEMBERS:
+    if count <= MAX_STRAIGHT_LINE_MEMBERS:
         why = f"{members}, nothing to do four members at a time: straight-line code is fastest"
         return EmitterChoice("unrolled", why)
     if facts.lacking and count <= facts.most_members:
         why = f"{members}, and loops over tables do not serve {', '.join(facts.lacking)}"
         return EmitterChoice("unrolled", why)
     return EmitterChoice(
-        "table", f"{members}, more than {MOST_STRAIGHT_LINE_MEMBERS}: loops whose code does not grow"
+        "table", f"{members}, more than {MAX_STRAIGHT_LINE_MEMBERS}: loops whose code does not grow"
     )
 
 
@@ -94,9 +92,9 @@ def find_facts(structure: Subject, request: ModelRequest) -> EmitterFacts:
         return replace(facts, has_rings=True)
     emitters = find_formulation(request.formulation).emitters
     if "lanes" in emitters:
-        is_open = MOST_STRAIGHT_LINE_MEMBERS < facts.n_members <= MOST_MEMBERS
+        is_open = MAX_STRAIGHT_LINE_MEMBERS < facts.n_members <= MAX_MEMBERS
         return replace(facts, lacking=_find_lacking(structure, request)) if is_open else facts
-    if "table" in emitters and facts.n_members > MOST_STRAIGHT_LINE_MEMBERS:
+    if "table" in emitters and facts.n_members > MAX_STRAIGHT_LINE_MEMBERS:
         try:
             return replace(facts, lacking=_find_lacking(structure, request))
         except FormulationError:  # options that loops do not have
@@ -110,7 +108,7 @@ def has_vectors(structure: Subject, request: ModelRequest) -> bool:
         "lanes" in find_formulation(request.formulation).emitters
         and len(structure.axes) == 3
         and request.precision == "double"
-        and structure.n_members >= LEAST_VECTOR_MEMBERS
+        and structure.n_members >= MIN_VECTOR_MEMBERS
         and getattr(structure, "ground", None) is None
         and any(name in FORCE_QUANTITIES or name in BLOCKS for name in request.quantities)
     )
@@ -139,7 +137,7 @@ def _find_lacking(structure: Subject, request: ModelRequest) -> tuple[str, ...]:
     return tuple(name for name in dict.fromkeys(quantities) if not TABLE.is_offered(model, name))
 
 
-MOST_CHOICES_IN_HINT = 2
+MAX_CHOICES_IN_HINT = 2
 NEARLY_RIGID_RATIO = 1000.0  # stiffness of a bar over that of the stiffest cable
 STIFFEN_BARS_HINT = "give the bars a stiffness, 1,000 times that of the cables is nearly rigid"
 EMITTERS = ("unrolled", "table")
@@ -170,13 +168,13 @@ def find_alternatives(
         words, fault_hint = _try_alternative(choice, set(error.lacking or ()), check_request)
         if words:
             (partly if fault_hint else hints).append(f"{words}, and {fault_hint}" if fault_hint else words)
-        if len(hints) == MOST_CHOICES_IN_HINT:
+        if len(hints) == MAX_CHOICES_IN_HINT:
             break
     hints = hints or partly[:1]
     if hints and error.lacking and "did you mean" in error.hint:
         hints.append(error.hint)
-    if not hints and structure.n_members > MOST_MEMBERS:
-        hints = [f"a structure of at most {MOST_MEMBERS} members", *([error.hint] if error.lacking else [])]
+    if not hints and structure.n_members > MAX_MEMBERS:
+        hints = [f"a structure of at most {MAX_MEMBERS} members", *([error.hint] if error.lacking else [])]
     return "; or ".join(hints) or error.hint
 
 

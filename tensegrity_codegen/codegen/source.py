@@ -10,7 +10,7 @@ import numpy as np
 
 from tensegrity_codegen.codegen.casadi_functions import (
     CASADI_INTERFACES,
-    MOST_ENTRIES,
+    MAX_ENTRIES,
     NO_DERIVATIVES,
     Derivatives,
     casadi_context,
@@ -105,7 +105,7 @@ def read_declarations(header: str) -> str:
 REGISTER_LANES = 8
 
 # Constants that stand in the source file itself; more of them get a file of their own, compiled beside it.
-MOST_CONSTANTS = 20_000
+MAX_CONSTANTS = 20_000
 
 
 def write_sources(
@@ -162,7 +162,7 @@ def _context(
         sizes["contacts"] = len(manifest.contact_name)
     if manifest.bar_pair:
         sizes["bar_pairs"] = len(manifest.bar_pair)
-    has_table_file = _count_constants(manifest) > MOST_CONSTANTS
+    has_table_file = _count_constants(manifest) > MAX_CONSTANTS
     integrators = integrator_context(manifest, arguments, _find_reach(manifest, functions))
     return {
         "banner": BANNER,
@@ -267,7 +267,7 @@ def _argument_context(argument: ArgumentSpec, precision: Precision) -> dict[str,
 def _function_context(
     function: WantedFunction, spec: FunctionSpec, arguments: Mapping[str, dict[str, Any]], bodies: Bodies
 ) -> dict[str, Any]:
-    has_casadi_abi = spec.pattern is None or len(spec.pattern.row) <= MOST_ENTRIES
+    has_casadi_abi = spec.pattern is None or len(spec.pattern.row) <= MAX_ENTRIES
     return {
         "quantity": spec.quantity,
         "symbol": spec.symbol,

@@ -136,19 +136,19 @@ class NamedValues:
         return keys
 
 
-MOST_MEMBERS = 400
-MOST_OPERATIONS = 150_000
+MAX_MEMBERS = 400
+MAX_OPERATIONS = 150_000
 COMPILED_OPERATIONS_A_SECOND = 4_000.0
 
 
 def check_unrollable(structure: Structure | BodySystem) -> None:
     """Raise FormulationError if unrolling this many members would not compile in reasonable time."""
-    if structure.n_members > MOST_MEMBERS:
+    if structure.n_members > MAX_MEMBERS:
         raise FormulationError(
             "this structure is too large for the emitter 'unrolled', whose code grows with every member",
             where=f"{structure.name}: model.emitter",
             given=f"{structure.n_members} members",
-            allowed=f"at most {MOST_MEMBERS} members",
+            allowed=f"at most {MAX_MEMBERS} members",
             hint="a smaller structure",
         ).unless_chosen_otherwise()
 
@@ -161,12 +161,12 @@ def _build(structure: Structure | BodySystem, request: ModelRequest) -> Symbolic
 def check_length(model: SymbolicModel, functions: tuple[PrunedFunction, ...]) -> None:
     """Raise FormulationError if these functions would take too long to compile."""
     operations = sum(function.operations for function in functions)
-    if operations > MOST_OPERATIONS:
+    if operations > MAX_OPERATIONS:
         raise FormulationError(
             "the requested functions are too long for unrolled code",
             where=f"{model.name}: model.quantities",
             given=f"{operations} operations, {operations / COMPILED_OPERATIONS_A_SECOND:.0f} s to compile",
-            allowed=f"at most {MOST_OPERATIONS} operations",
+            allowed=f"at most {MAX_OPERATIONS} operations",
             hint="request fewer quantities (Jacobians are the longest) or use a smaller structure",
         ).unless_chosen_otherwise()
 

@@ -157,7 +157,7 @@ def _describe(
     }  # fmt: skip
 
 
-MOST_NAMES = 160  # of nodes or of members that a page writes at once
+MAX_NAMES = 160  # of nodes or of members that a page writes at once
 
 
 @dataclass(frozen=True)
@@ -252,7 +252,7 @@ def build_live_scene(
         "plane": _describe_plane(subject, origin),
         "title": structure.name,
         "start": start.describe(),
-        "most_names": MOST_NAMES,
+        "most_names": MAX_NAMES,
         "nodes": structure.node_name,
         "members": structure.member_name,
         "axes": structure.axes,

@@ -34,7 +34,7 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.system.version import VERSION
 
-MOST_MECHANISMS, MOST_MODES = 4, 6
+MAX_MECHANISMS, MAX_MODES = 4, 6
 LEAD = (
     "Which tensions the structure can have in this configuration, which motions change no member's length, "
     "and whether tensions stiffen these. Tensions are positive, compressions negative. Motions are enlarged; "
@@ -172,7 +172,7 @@ def _mechanisms(analysis: Analysis, structure: Structure) -> Iterator[Section]:
             _motion_figure(
                 structure, analysis, analysis.mechanism[:, :, k], f"mechanism{k + 1}", f"Mechanism {k + 1}."
             )
-            for k in range(min(count, MOST_MECHANISMS))
+            for k in range(min(count, MAX_MECHANISMS))
         )
         yield Section("mechanisms", "motion", "Mechanisms", "plain", text, figures)
 
@@ -182,14 +182,14 @@ def _modes(analysis: Analysis, structure: Structure) -> Iterator[Section]:
     if modes is None or not len(modes.frequency):
         return
     figures = []
-    for k in range(min(len(modes.frequency), MOST_MODES)):
+    for k in range(min(len(modes.frequency), MAX_MODES)):
         caption = f"Mode {k + 1}: {modes.frequency[k]:.5g} Hz."
         if modes.growth_rate[k]:
             caption = f"Mode {k + 1}: unstable, grows by {modes.growth_rate[k]:.4g} 1/s."
         figures.append(_motion_figure(structure, analysis, modes.shape[:, :, k], f"mode{k + 1}", caption))
     lacking = (
-        f", {MOST_MODES} of {len(modes.frequency)} computed modes drawn"
-        if len(modes.frequency) > MOST_MODES
+        f", {MAX_MODES} of {len(modes.frequency)} computed modes drawn"
+        if len(modes.frequency) > MAX_MODES
         else ""
     )
     text = f"{describe_modes(analysis)}; {modes.n_total} modes{lacking}"

@@ -11,10 +11,10 @@ if TYPE_CHECKING:
 # Reasons why rows matter, each with the rows' numbers, the most important first.
 Ranking = tuple[tuple[str, Sequence[int]], ...]
 
-MOST_WHOLE = 30  # rows of all tables of a result, up to which all are printed if they fit
-MOST_TOGETHER = 20  # rows of all tables, where there are more
-MOST_ROWS = 10  # of one table then; a table with a fifth more is printed whole
-LEAST_FOLDED = 8  # characters of a line of text that folds
+MAX_WHOLE = 30  # rows of all tables of a result, up to which all are printed if they fit
+MAX_TOGETHER = 20  # rows of all tables, where there are more
+MAX_ROWS = 10  # of one table then; a table with a fifth more is printed whole
+MIN_FOLDED = 8  # characters of a line of text that folds
 AROUND = 7  # lines of a table besides its rows
 SIDES = {"f": "left", "l": "left", "r": "right"}
 
@@ -69,7 +69,7 @@ class LongTable:
             for column in zip(*texts, strict=True)
         ]
         selected = [
-            min(n, LEAST_FOLDED) if side == "f" else n for side, n in zip(self.sides, lengths, strict=True)
+            min(n, MIN_FOLDED) if side == "f" else n for side, n in zip(self.sides, lengths, strict=True)
         ]
         return sum(selected) + 2 * len(selected) <= width
 
@@ -122,11 +122,11 @@ def find_most_rows(counts: Sequence[int], lines: int = 55) -> int:
     (12, 10, 6)
     """
     room = lines - AROUND * len(counts)
-    if sum(counts) <= min(room, MOST_WHOLE):
+    if sum(counts) <= min(room, MAX_WHOLE):
         return max(counts, default=0)
-    room = min(room, MOST_TOGETHER)
+    room = min(room, MAX_TOGETHER)
     fitting = (
-        limit for limit in range(MOST_ROWS, 1, -1) if sum(min(count, limit) for count in counts) <= room
+        limit for limit in range(MAX_ROWS, 1, -1) if sum(min(count, limit) for count in counts) <= room
     )
     return next(fitting, 1)
 

@@ -23,7 +23,7 @@ DRAWN = (CompiledModel, Equilibrium, PlanResult, Scene, Structure, BodySystem, T
 DPI = 80  # of pictures
 LEFT = 'style="text-align:left"'
 SIDE_BY_SIDE = 'style="display:flex;flex-wrap:wrap;gap:1em;align-items:flex-start"'
-MOST_MEMBERS = 3000  # of structures that are drawn without being asked
+MAX_MEMBERS = 3000  # of structures that are drawn without being asked
 
 
 def build_html(result: Summarised) -> str:
@@ -42,7 +42,7 @@ def _picture(result: Any) -> str:
     try:
         if isinstance(result, Motion):
             figure = _plot_rest_lengths(result)
-        elif isinstance(result, DRAWN) and _count_members(result) <= MOST_MEMBERS:
+        elif isinstance(result, DRAWN) and _count_members(result) <= MAX_MEMBERS:
             figure, _ = draw_shot(find_shot(result), PictureChoices(follow=True))
         else:
             return ""

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.linear.spectrum import Spectrum
 
 REAL = 1e-9  # imaginary part over modulus, up to which an eigenvalue is a real one
-MOST_REAL = 20  # real eigenvalues in a sentence
+MAX_REAL = 20  # real eigenvalues in a sentence
 # Events of a path that end or change it; the others are those of members.
 OF_THE_PATH = ("limit", "stability", "bifurcation", "contact", "separation")
 
@@ -58,7 +58,7 @@ def say_spectrum(spectrum: "Spectrum") -> list[str]:
     if not spectrum.is_complete:
         sentences.append("only the slowest modes were computed")
     if len(real):
-        listed = name_list([f"{x:.6g}" for x in real], MOST_REAL)
+        listed = name_list([f"{x:.6g}" for x in real], MAX_REAL)
         sentences.append(f"real eigenvalues [1/s] (motions that decay or grow without oscillation): {listed}")
     if zeros:
         are = describe_count(zeros, "eigenvalue is", "eigenvalues are")

@@ -9,8 +9,8 @@ Vector = list[Scalar]
 
 # Added to the square of a cable's length [m2]: less than rounding from 1e-11 m on, and a normal number in
 # single precision as well. Where the ends of a slack cable coincide it makes quotients and derivatives zero.
-LEAST_SQUARE = 2.0**-126
-LEAST_LENGTH = 2.0**-63  # its root [m]
+MIN_SQUARE = 2.0**-126
+MIN_LENGTH = 2.0**-63  # its root [m]
 
 
 def dot(a: Vector, b: Vector) -> Scalar:

@@ -45,7 +45,7 @@ BAR_DISTANCE_CASE = {
 }
 
 # Pairs of bars that can be had in one library; the number of all pairs grows as the square of the bars'.
-MOST_PAIRS = 500
+MAX_PAIRS = 500
 
 PARALLEL = 1e-14  # largest sine of the angle between axes that count as parallel
 
@@ -109,7 +109,7 @@ class BarPairs:
     ends: the two end points of every bar, each a list of n_axes expressions [m]; radius: of every bar [m];
     pairs: indices of bars. Any formulation can make one: the points are expressions of whatever coordinates
     it has, counted from `origin` (n_axes, zero if not given). Raises FormulationError for more than
-    MOST_PAIRS pairs, or none.
+    MAX_PAIRS pairs, or none.
     """
 
     def __init__(
@@ -231,12 +231,12 @@ def check_bar_pairs(count: int, where: str = "") -> None:
             allowed="two bars or more with a radius, which share no node",
             hint="give the bars a radius [m]",
         )
-    if count > MOST_PAIRS:
+    if count > MAX_PAIRS:
         raise FormulationError(
             "there are too many pairs of bars",
             where=where,
             given=f"{count} pairs",
-            allowed=f"at most {MOST_PAIRS} pairs",
+            allowed=f"at most {MAX_PAIRS} pairs",
             hint='name the pairs that matter: [interference] pairs = [["bar1", "bar2"], ...]',
         )
 

@@ -261,7 +261,7 @@ def test_the_folder_names_derivatives_that_are_missing(monkeypatch: pytest.Monke
         return page.partition("## In CasADi")[2].partition("##")[0]
 
     assert "with first derivatives.\n" in read_page()
-    monkeypatch.setattr(casadi_functions, "MOST_MEMBERS", 2)
+    monkeypatch.setattr(casadi_functions, "MAX_MEMBERS", 2)
     assert "with first derivatives. These are missing, since their code would be too long: " in read_page()
     assert "`jac_acceleration`." in read_page()
     request = replace(request, quantities=("acceleration",))

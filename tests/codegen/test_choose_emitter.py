@@ -8,7 +8,7 @@ import pytest
 from tensegrity_codegen.codegen import choose_emitter as rule
 from tensegrity_codegen.codegen.choose_emitter import EmitterFacts, choose_emitter, find_facts
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.codegen.unrolled import MOST_MEMBERS
+from tensegrity_codegen.codegen.unrolled import MAX_MEMBERS
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.system.errors import FormulationError
@@ -73,7 +73,7 @@ def test_vectors_are_chosen_where_something_fills_them(changes: dict[str, object
 def test_planar_scenes_and_the_smallest_have_no_vectors() -> None:
     assert chosen(chain(12), AUTO) == "lanes"
     assert chosen(chain(12).with_changes(axes=(0, 1)), AUTO) == "unrolled"
-    assert chosen(chain(rule.LEAST_VECTOR_MEMBERS - 1), AUTO) == "unrolled"
+    assert chosen(chain(rule.MIN_VECTOR_MEMBERS - 1), AUTO) == "unrolled"
 
 
 def test_jacobians_to_parameters_and_contacts_need_the_unrolled_emitter() -> None:
@@ -91,7 +91,7 @@ def test_jacobians_to_parameters_and_contacts_need_the_unrolled_emitter() -> Non
 def test_what_only_tables_can_write_and_do_not_serve_is_refused_by_them() -> None:
     request = replace(AUTO, quantities=("parameter_jacobian",))
     with pytest.raises(FormulationError, match="'table'"):
-        emit(chain(MOST_MEMBERS + 1), request)
+        emit(chain(MAX_MEMBERS + 1), request)
 
 
 def test_the_manifest_and_the_files_are_those_of_the_emitter_by_name() -> None:

@@ -82,16 +82,16 @@ def test_a_free_node_without_mass_is_fine_for_statics_and_refused_for_dynamics()
 
 
 def test_too_many_members_are_refused_before_any_expression_is_built() -> None:
-    count = unrolled.MOST_MEMBERS + 1
+    count = unrolled.MAX_MEMBERS + 1
     position = np.column_stack([np.arange(count + 1.0), np.zeros((count + 1, 2))])
     structure = make_structure(position, [spring(k, k + 1, 0.9) for k in range(count)])
     error = refuse(structure, ModelRequest(("member_tension",)))
     assert error.given == f"{count} members"
-    assert str(unrolled.MOST_MEMBERS) in error.allowed
+    assert str(unrolled.MAX_MEMBERS) in error.allowed
 
 
 def test_too_many_operations_are_refused_with_an_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(unrolled, "MOST_OPERATIONS", 500)
+    monkeypatch.setattr(unrolled, "MAX_OPERATIONS", 500)
     error = refuse(prism(), ModelRequest(("state_jacobian",)))
     assert "operations" in str(error.given)
     assert "s to compile" in str(error.given)

@@ -23,7 +23,7 @@ STANDARD = ("-std=c99", "-O2", "-ffp-contract=off")
 @pytest.fixture(scope="module")
 def apart() -> GeneratedSource:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(source, "MOST_CONSTANTS", 0)
+        patch.setattr(source, "MAX_CONSTANTS", 0)
         return emit(*everything())
 
 
@@ -71,7 +71,7 @@ def test_the_makefile_knows_both_files(apart: GeneratedSource, tmp_path: Path) -
 @pytest.mark.thorough
 def test_a_library_of_two_files_computes_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     one = build_library(*everything()).load()
-    monkeypatch.setattr(source, "MOST_CONSTANTS", 0)
+    monkeypatch.setattr(source, "MAX_CONSTANTS", 0)
     structure, request = everything()
     other = build_library(structure.with_changes(name="other"), request)
     assert any(name.endswith("_tables.c") for name in other.entry.files)
@@ -88,7 +88,7 @@ def test_casadi_is_told_of_no_pattern_that_is_too_long(monkeypatch: pytest.Monke
     structure, request = everything()
     request = replace(request, interfaces=("casadi",))
     told = emit(structure, request).files[f"{structure.name}.c"]
-    monkeypatch.setattr(source, "MOST_ENTRIES", 5)
+    monkeypatch.setattr(source, "MAX_ENTRIES", 5)
     files = emit(structure, request).files
     short = files[f"{structure.name}.c"]
     for quantity, is_short in (("tangent_stiffness", False), ("acceleration", True)):

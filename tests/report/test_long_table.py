@@ -6,8 +6,8 @@ import pytest
 from rich.console import Console
 
 from tensegrity_codegen.report.long_table import (
-    MOST_TOGETHER,
-    MOST_WHOLE,
+    MAX_TOGETHER,
+    MAX_WHOLE,
     LongTable,
     find_most_rows,
     is_cut,
@@ -78,7 +78,7 @@ def test_a_table_without_rows_is_written() -> None:
 @pytest.mark.parametrize("counts", [(6, 12), (30,), (15, 10), (), (3, 3, 4, 12)])
 def test_few_rows_are_all_shown(counts: tuple[int, ...]) -> None:
     most = find_most_rows(counts)
-    assert sum(counts) <= MOST_WHOLE
+    assert sum(counts) <= MAX_WHOLE
     assert not any(is_cut(count, most) for count in counts)
 
 
@@ -97,7 +97,7 @@ def test_few_rows_are_all_shown(counts: tuple[int, ...]) -> None:
 def test_many_rows_are_cut_so_that_all_tables_fit(counts: tuple[int, ...], shown: list[int]) -> None:
     most = find_most_rows(counts)
     assert [most if is_cut(count, most) else count for count in counts] == shown
-    assert sum(min(count, most) for count in counts) <= max(MOST_TOGETHER, len(counts))
+    assert sum(min(count, most) for count in counts) <= max(MAX_TOGETHER, len(counts))
 
 
 def test_tables_that_fit_beside_few_lines_are_cut_beside_many() -> None:

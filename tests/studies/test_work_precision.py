@@ -238,7 +238,7 @@ def test_a_run_of_cvode_that_does_not_come_to_its_end_is_stated(capfd: pytest.Ca
     stiff = sprung().with_changes(spring_constant=np.array([1e36, 1.0, 1.0, 1.0]))
     make = dict(cvode.contenders(set_problem(stiff, 0.2, 2)))["CVODE (C; Adams, fixed point)"]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cvode, "MOST_STEPS", 1000)
+        patch.setattr(cvode, "MAX_STEPS", 1000)
         run = make().run(1e-9)()
     assert run.status == "failed"
     assert "CVODE returned -" in run.message

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.symbolic.interference import (
     BAR_DISTANCE_CASE,
-    MOST_PAIRS,
+    MAX_PAIRS,
     BarPairs,
     build_bar_contact,
     build_bar_quantities,
@@ -253,5 +253,5 @@ def test_no_pairs_and_too_many_pairs_are_refused() -> None:
         BarPairs([], [], [])
     end = [ca.SX(0)] * 3
     with pytest.raises(FormulationError, match="too many pairs") as caught:
-        BarPairs([(end, end)], [1.0], [(0, 0)] * (MOST_PAIRS + 1))
+        BarPairs([(end, end)], [1.0], [(0, 0)] * (MAX_PAIRS + 1))
     assert "[interference]" in caught.value.hint

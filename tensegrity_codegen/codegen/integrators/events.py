@@ -40,8 +40,8 @@ EVENT_QUANTITIES = {
 # which contacts begin first.
 BEGINNINGS = ("collision", "ground")
 CONTINUOUS = (*BEGINNINGS, "stick", "yield", "motor", "ring")
-MOST_WATCHED = 400  # cables, switches and contacts whose events are watched without being asked for
-MOST_IN_SUCCESSION = 150  # events, each within a thousandth of a step of the one before
+MAX_WATCHED = 400  # cables, switches and contacts whose events are watched without being asked for
+MAX_IN_SUCCESSION = 150  # events, each within a thousandth of a step of the one before
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def event_memory(kinds: Sequence[str], functions: Iterable[FunctionSpec], sizes:
 def choose_events(request: ModelRequest, subject: Any) -> tuple[str, ...]:
     """Return the kinds of events that a request which names none gets: jumps of stiffness, and a condition.
 
-    subject: the structure or body system. None where no stiffness jumps, or that of more than MOST_WATCHED
+    subject: the structure or body system. None where no stiffness jumps, or that of more than MAX_WATCHED
     members does: each event ends a step, and thousands of cables leave no time in between.
     """
     counts = {"cable": int(subject.tension_only.sum()), "switch": int(subject.has_switch.sum())}
@@ -104,9 +104,9 @@ def choose_events(request: ModelRequest, subject: Any) -> tuple[str, ...]:
         "motor": sum(actuator.time_constant > 0 for actuator in subject.actuators),
         "ring": len(name_rings(subject.sliding)),
     }
-    if setting and sum(counts.values()) > MOST_WATCHED:
+    if setting and sum(counts.values()) > MAX_WATCHED:
         counts = {kind: counts[kind] for kind in counts if kind in (*setting, "ground")}
-    if not 0 < sum(counts.values()) <= MOST_WATCHED or request.precision != "double":
+    if not 0 < sum(counts.values()) <= MAX_WATCHED or request.precision != "double":
         return ()
     return (*(kind for kind, count in counts.items() if count), "condition")
 
@@ -185,5 +185,5 @@ def events_context(
         ),
         "size": repr(float(manifest.strands.lengths(position).max(initial=0.0))),
         "is_smooth": all(kind["word"] in continuous or "velocity" not in kind["arguments"] for kind in kinds),
-        "most_in_succession": MOST_IN_SUCCESSION,
+        "most_in_succession": MAX_IN_SUCCESSION,
     }

@@ -15,7 +15,7 @@ from tensegrity_codegen.tables.manifest import SOLVER_STATUS, FunctionSpec, Mani
 SOLVERS = ("equilibrium",)
 
 # The solver keeps the Hessian dense: its work memory grows as the square, its time as the cube.
-MOST_SOLVED_COORDINATES = 60
+MAX_SOLVED_COORDINATES = 60
 
 ENERGY, STIFFNESS, TENSION = "potential_energy", "tangent_stiffness", "member_tension"
 AT_REST = ("velocity", "damping")  # arguments of tensions that do not matter at rest
@@ -69,12 +69,12 @@ def _check(model: EmittedModel, name: str, present: set[str], count: int) -> Non
             given=name,
             hint="add to the wanted quantities: " + ", ".join(missing),
         )
-    if count > MOST_SOLVED_COORDINATES:
+    if count > MAX_SOLVED_COORDINATES:
         raise FormulationError(
             "the structure is too large for a solver with a dense Hessian",
             where=f"{model.name}: model.solvers",
             given=f"{count} coordinates",
-            allowed=f"at most {MOST_SOLVED_COORDINATES} coordinates",
+            allowed=f"at most {MAX_SOLVED_COORDINATES} coordinates",
             hint="leave the solver out and call find_equilibrium in Python, whose Hessian is sparse",
         )
     if isinstance(model.subject, BodySystem) and model.subject.has_unpotential_load:

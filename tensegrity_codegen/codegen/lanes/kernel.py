@@ -10,7 +10,7 @@ from tensegrity_codegen.codegen.print.instructions import read_instructions
 from tensegrity_codegen.codegen.print.operations import ARITHMETIC
 from tensegrity_codegen.codegen.print.printer import print_number
 from tensegrity_codegen.codegen.print.render import render
-from tensegrity_codegen.symbolic.geometry import LEAST_SQUARE, Scalar
+from tensegrity_codegen.symbolic.geometry import MIN_SQUARE, Scalar
 from tensegrity_codegen.symbolic.members.member import Member, MemberBlocks
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.laws import MEMBER_VALUES
@@ -131,7 +131,7 @@ def _build(kind: KernelKind, name: str) -> tuple[ca.Function, tuple[str, ...]]:
         [symbols[rate] for rate in RATES],
         values,
         kind.tension_only,
-        least_square=LEAST_SQUARE * of_cable,
+        least_square=MIN_SQUARE * of_cable,
     )
     result = ca.cse(ca.vertcat(*_results(kind, member)))
     parameters = tuple(key for key in names if ca.depends_on(result, symbols[key]))

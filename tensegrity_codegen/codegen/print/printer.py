@@ -77,7 +77,7 @@ DOUBLE = PRECISIONS["double"]
 # An expression has at most so many characters and operations; a value that is read by an instruction further
 # away than OLDEST is better kept as one number.
 LONGEST_EXPRESSION = 80
-MOST_OPERATIONS = 8
+MAX_OPERATIONS = 8
 OLDEST = 40
 LONGEST_LINE = 110  # with a comment behind the statement
 
@@ -285,7 +285,7 @@ class _Body:
             if is_linear and instruction.operation == ca.OP_IF_ELSE_ZERO:
                 value = replace(value, text=f"{value.text.rpartition(' : ')[0]} : none")
             operands = [k for k in instruction.operands if self.value[k].operations]
-            is_short = len(value.text) <= LONGEST_EXPRESSION and value.operations <= MOST_OPERATIONS
+            is_short = len(value.text) <= LONGEST_EXPRESSION and value.operations <= MAX_OPERATIONS
             if is_short or not operands:
                 return value
             self._keep(max(operands, key=lambda k: len(self.value[k].text)))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.print.printer import print_body
-from tensegrity_codegen.codegen.unrolled import MOST_MEMBERS
+from tensegrity_codegen.codegen.unrolled import MAX_MEMBERS
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.model import SymbolicModel, count_operations
@@ -226,7 +226,7 @@ class Tangent:
 
 def find_tangent(layout: Layout, request: ModelRequest) -> Tangent | None:
     """Return the derivatives of a unit, None where the structure is too large for straight-line code."""
-    if layout.structure.n_members > MOST_MEMBERS:
+    if layout.structure.n_members > MAX_MEMBERS:
         return None
     model = build_model(layout.structure, request)
     names, sources = _list_sources(layout)

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.ticker import Formatter
 
-MOST_LINEAR = 0.9  # decades of a logarithmic axis up to which equal steps are numbered
-MOST_PARTS = 2.5  # decades up to which 2 and 5 are numbered too
+MAX_LINEAR = 0.9  # decades of a logarithmic axis up to which equal steps are numbered
+MAX_PARTS = 2.5  # decades up to which 2 and 5 are numbered too
 POWER = re.compile(r"e([+-]?\d+)")  # of ten, in the text of matplotlib
 
 
@@ -37,9 +37,9 @@ def number_axis(axis: "Axis", limits: tuple[float, float], is_log: bool) -> None
         return
     low, high = sorted(limits)
     decades = math.log10(high / low) if low > 0.0 else math.inf
-    if decades <= MOST_LINEAR:
+    if decades <= MAX_LINEAR:
         axis.set_major_locator(steps)
-    elif decades <= MOST_PARTS:
+    elif decades <= MAX_PARTS:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(format_tick))

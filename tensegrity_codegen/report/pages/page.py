@@ -337,7 +337,7 @@ Look = tuple[int, Literal["line", "dashed", "dotted", "dashdot"]]
 
 # Of the height of a diagram: lines that are nowhere further apart cannot be told apart.
 INDISTINGUISHABLE_DISTANCE = 0.004
-MOST_NAMES = 3
+MAX_NAMES = 3
 STYLES: tuple[Literal["line", "dashed", "dotted", "dashdot"], ...] = ("line", "dashed", "dotted", "dashdot")
 
 
@@ -365,7 +365,7 @@ def join_series(series: Sequence[Series]) -> tuple[Series, ...]:
     return tuple(replace(group[0], name=join_names([line.name for line in group])) for group in groups)
 
 
-def join_names(names: Sequence[str], limit: int = MOST_NAMES) -> str:
+def join_names(names: Sequence[str], limit: int = MAX_NAMES) -> str:
     """Return names in one text: "v1, v2, v3", or "v1, v2 and 4 more"."""
     shown = [name for name in names if name]
     if len(shown) <= limit:

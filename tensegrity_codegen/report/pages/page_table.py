@@ -52,7 +52,7 @@ def _count_letters(column: ColumnText, limit: int) -> int:
     return max(longest, *map(len, (*heads, "")), *(len(w) for text in column.cells for w in text.split()))
 
 
-MOST_ROWS = 14  # of a table that is shown as a whole
+MAX_ROWS = 14  # of a table that is shown as a whole
 HEAD_ROWS = 8
 
 
@@ -85,7 +85,7 @@ class Cell:
 class Table:
     """A table with its caption; every row has a cell for every column; `note` says how to read it.
 
-    Of more than MOST_ROWS rows those with the indices `head` are shown (the first HEAD_ROWS where it is
+    Of more than MAX_ROWS rows those with the indices `head` are shown (the first HEAD_ROWS where it is
     empty), `head_note` says which they are ("the 5 largest errors"), and all rows are folded below.
     folded: text of the line that opens a table which is folded as a whole.
     """
@@ -107,7 +107,7 @@ class Table:
     @property
     def is_long(self) -> bool:
         """Whether rows are folded."""
-        return len(self.rows) > MOST_ROWS
+        return len(self.rows) > MAX_ROWS
 
     @property
     def head_rows(self) -> tuple[tuple[Cell, ...], ...]:

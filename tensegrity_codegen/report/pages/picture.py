@@ -106,7 +106,7 @@ def _pair(match: re.Match[str]) -> str:
 
 
 # Bytes of SVG above which a picture becomes a PNG.
-MOST_SVG = 200_000
+MAX_SVG = 200_000
 # Pixels a CSS inch, and pixels of a PNG for each of them, for screens of high resolution.
 CSS_DPI, PNG_SCALE = 96, 2
 
@@ -124,7 +124,7 @@ class Picture:
     png: str = ""
 
 
-def draw_picture(figure: "Figure", name: str, *, most_svg: int = MOST_SVG) -> Picture:
+def draw_picture(figure: "Figure", name: str, *, most_svg: int = MAX_SVG) -> Picture:
     """Return a figure as a picture; `name` starts every id in it, so that two pictures share a page.
 
     SVG text stays text and colours of the palette become CSS variables; above most_svg bytes it is a PNG.

@@ -121,7 +121,7 @@ Progress = Callable[[float], None]
 FILM_SUFFIXES = (".gif", ".mp4")
 
 # Frames of a film at most: two minutes at the usual 25 a second.
-MOST_FRAMES = 3000
+MAX_FRAMES = 3000
 FASTEST = {".gif": GIF_FASTEST, ".mp4": 120.0}
 FILM_DPI = 100
 # Square inches of the panel.
@@ -194,14 +194,14 @@ def find_frames(time: FloatArray, fps: float, slow_down: float) -> IntArray:
     """
     elapsed = time - time[0]
     count = np.floor(float(elapsed[-1]) * slow_down * fps * (1 + 1e-12) + 1e-9) + 1
-    if count > MOST_FRAMES:
-        fits = (MOST_FRAMES - 1) / (float(elapsed[-1]) * fps)
+    if count > MAX_FRAMES:
+        fits = (MAX_FRAMES - 1) / (float(elapsed[-1]) * fps)
         digit = 10.0 ** (np.floor(np.log10(fits)) - 1)
         raise InvalidValueError(
             f"the film would have {count:.6g} frames",
             where="slow_down",
             given=slow_down,
-            allowed=f"at most {MOST_FRAMES} frames",
+            allowed=f"at most {MAX_FRAMES} frames",
             hint=f"slow_down {np.floor(fits / digit) * digit:.2g}, or fewer frames a second",
         )
     moments = np.arange(int(count)) / (fps * slow_down)

@@ -179,7 +179,7 @@ def _describe(force: float) -> str:
     return f"{force:.3g} N" if force == 0 or force >= 0.01 else f"{force * 1e3:.3g} mN"
 
 
-MOST_NAMES = {"nodes": 100, "members": 30}  # of pictures; more run together
+MAX_NAMES = {"nodes": 100, "members": 30}  # of pictures; more run together
 NODE_SIZE, MEMBER_SIZE = 9.0, 7.5
 OFFSET = 6.0  # between a node and its name, in points
 WIDE, TALL = 0.62, 1.25  # of a letter, over the size of the text
@@ -213,7 +213,7 @@ def choose_names(
     structure: Structure, labels: Sequence[str], limit: int | None = None
 ) -> tuple[tuple[str, ...], list[LeftOut]]:
     """Return which of the labels are written, and which are left out since there are more than `most`."""
-    limits = MOST_NAMES if limit is None else dict.fromkeys(MOST_NAMES, limit)
+    limits = MAX_NAMES if limit is None else dict.fromkeys(MAX_NAMES, limit)
     counts = {"nodes": structure.n_nodes, "members": structure.n_members}
     omitted = [LeftOut(kind, counts[kind], limits[kind]) for kind in labels if counts[kind] > limits[kind]]
     missing = {entry.kind for entry in omitted}

@@ -57,7 +57,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
 
 PICTURE_DPI = 150
-LEAST_WIDTH, LEAST_HEIGHT = 3.4, 2.8  # of a figure [in], for its texts
+MIN_WIDTH, MIN_HEIGHT = 3.4, 2.8  # of a figure [in], for its texts
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ def fit_size(
     if is_vector:
         return size[0] / PICTURE_DPI, size[1] / PICTURE_DPI, PICTURE_DPI
     dots = np.sqrt(size[0] * size[1] / (width * height))
-    dots = min(dots, size[0] / LEAST_WIDTH, size[1] / LEAST_HEIGHT)
+    dots = min(dots, size[0] / MIN_WIDTH, size[1] / MIN_HEIGHT)
     return size[0] / dots, size[1] / dots, float(dots)
 
 

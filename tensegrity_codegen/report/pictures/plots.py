@@ -39,9 +39,9 @@ if TYPE_CHECKING:
 
 TEXT_SIZE = 9.0
 # Groups of at most this many members are drawn line by line, larger ones as a band around their median.
-MOST_LINES = 6
+MAX_LINES = 6
 # With more classes than colours, members are grouped by kind alone.
-MOST_GROUPS = len(SEQUENCE)
+MAX_GROUPS = len(SEQUENCE)
 
 
 def draw_energies(axes: "Axes", trajectory: Trajectory) -> None:
@@ -79,7 +79,7 @@ def draw_tensions(axes: "Axes", structure: Structure, trajectory: Trajectory) ->
             [e for e, good in zip(members, is_complete, strict=True) if good],
         )
         label = f"{name} ({len(members)})"
-        if len(members) <= MOST_LINES:
+        if len(members) <= MAX_LINES:
             lines = axes.plot(
                 trajectory.time, tension, color=color, linewidth=1.1, marker=_marker(trajectory), zorder=3
             )
@@ -124,7 +124,7 @@ def group_members(structure: Structure) -> dict[str, list[int]]:
         name = structure.member_class[e]
         fine.setdefault(kinds[e] if name in ("", kinds[e]) else f"{kinds[e]} {name}", []).append(e)
         coarse.setdefault(f"{kinds[e]}s", []).append(e)
-    return fine if len(fine) <= MOST_GROUPS else coarse
+    return fine if len(fine) <= MAX_GROUPS else coarse
 
 
 def _marker(trajectory: Trajectory) -> str:
@@ -151,7 +151,7 @@ def _dress(axes: "Axes", name: str, *, legend: int = 0) -> None:
 
 
 # Paths of more nodes than this hide the structure.
-MOST_PATHS = 40
+MAX_PATHS = 40
 # Width of a trajectory page, the least and the largest height [in].
 PAGE_WIDTH, PAGE_LEAST, PAGE_MOST = 13.0, 6.3, 7.6
 # Wider panels than this (width / height) stand one above the other.
@@ -252,7 +252,7 @@ def _draw_paths(panel: Panel, shown: Shown) -> None:
     from matplotlib.collections import LineCollection
 
     free = np.unique(shown.structure.coordinate_node_axis[:, 0])
-    picked = free[:: 1 + len(free) // MOST_PATHS]
+    picked = free[:: 1 + len(free) // MAX_PATHS]
     projected, _ = panel.drawing.view.project(shown.position[:, picked])
     lines = LineCollection(
         list(projected.transpose(1, 0, 2)),

@@ -23,7 +23,7 @@ from tensegrity_codegen.system.errors import InvalidValueError
 
 UNBALANCED = 0.01  # part of the largest force that nodes may lack where they count as balanced
 DEPENDENT = 1e-9  # singular values below count as none, as the bars have unit directions
-MOST_BARS = 1000  # rigid bars up to which their tensions are solved for
+MAX_BARS = 1000  # rigid bars up to which their tensions are solved for
 
 
 def find_rest_tension(subject: Structure | BodySystem, rigid: BoolArray | None = None) -> FloatArray:
@@ -41,7 +41,7 @@ def find_rest_tension(subject: Structure | BodySystem, rigid: BoolArray | None =
     if not rigid.any():
         return tension
     tension[rigid] = np.nan
-    if isinstance(subject, Structure) and rigid.sum() <= MOST_BARS:
+    if isinstance(subject, Structure) and rigid.sum() <= MAX_BARS:
         tension[rigid] = _solve(structure, np.where(rigid, 0.0, tension), rigid)
     return tension
 

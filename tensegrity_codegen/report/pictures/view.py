@@ -220,7 +220,7 @@ FINER = 0.44  # of a step, from which the next finer one follows
 SLENDERNESS = 4.0
 # Distances on paper below this part of the picture are clutter; more node-member pairs are not compared.
 CLUTTER_RATIO = 0.03
-MOST_PAIRS = 1_000_000
+MAX_PAIRS = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -364,7 +364,7 @@ def fit_view(structure: Structure, box: Box, node_position: FloatArray) -> View:
     if len(structure.axes) < 3:
         return PlanarView(_find_plane(structure.axes))
     views = [_perspective(box, float(np.radians(azimuth))) for azimuth in AZIMUTHS]
-    if structure.n_nodes * structure.n_members > MOST_PAIRS:
+    if structure.n_nodes * structure.n_members > MAX_PAIRS:
         return views[0]
     return min(views, key=lambda view: _clutter(view, structure, node_position))
 

@@ -89,7 +89,7 @@ def push_node(structure: Structure, node: int, axis: int, speed: float) -> Struc
     return settle_bars(structure.with_changes(node_velocity=velocity))
 
 
-LEAST_HEIGHT = 1e-2  # off its neighbours, over the mean member length
+MIN_HEIGHT = 1e-2  # off its neighbours, over the mean member length
 
 
 def find_snap(structure: Structure) -> tuple[int, FloatArray] | None:
@@ -98,7 +98,7 @@ def find_snap(structure: Structure) -> tuple[int, FloatArray] | None:
     The plane, in a planar scene the line, is that of least squares; the node is the first off it.
     """
     axes = list(structure.axes)
-    min_height = LEAST_HEIGHT * float(structure.member_length().mean())
+    min_height = MIN_HEIGHT * float(structure.member_length().mean())
     for node in np.flatnonzero(~structure.node_anchored[:, axes].any(axis=1)):
         touching = structure.connectivity[(structure.connectivity == node).any(axis=1)]
         neighbours = structure.node_position[np.setdiff1d(touching, node)][:, axes]

@@ -90,7 +90,7 @@ RULE_WORDS = {
     "positions": "positions only",
 }
 MARKS = {"told": " *", "positions": " **"}
-MOST_WORST, MOST_HEAD = 10, 8
+MAX_WORST, MAX_HEAD = 10, 8
 
 
 def build_verdicts(rows: Sequence[Outcome]) -> Table:
@@ -112,7 +112,7 @@ def build_verdicts(rows: Sequence[Outcome]) -> Table:
 
 def build_worst(own_rows: Sequence[Outcome]) -> Table:
     """Return the largest certified errors of our methods, wrong results first."""
-    worst = sort_worst(own_rows)[:MOST_WORST]
+    worst = sort_worst(own_rows)[:MAX_WORST]
     columns = {"case": "", "value": "", "method": "", "error over tolerance": ".3g"}
     columns |= {"error of tensions [%]": ".1e", "verdict": ""}
     cells = []
@@ -137,7 +137,7 @@ def build_grid(rows: Sequence[Outcome], title: str) -> Table:
     ]
     order = list(dict.fromkeys((row.group, row.case) for row in sort_worst(rows)))
     column_of = {case: k for k, case in enumerate(by_case)}
-    head = tuple(column_of[case] for case in order[:MOST_HEAD])
+    head = tuple(column_of[case] for case in order[:MAX_HEAD])
     wrong = len({(row.group, row.case) for row in rows if row.verdict == "wrong"})
     note = f"{len(head)} with the largest errors" + (f", {wrong} with wrong results first" if wrong else "")
     return make_table(

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from tensegrity_codegen.codegen.choose_emitter import MOST_STRAIGHT_LINE_MEMBERS
+from tensegrity_codegen.codegen.choose_emitter import MAX_STRAIGHT_LINE_MEMBERS
 from tensegrity_codegen.pipeline.analyses import want_analyses
 from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.runtime.accuracy.integrate import integrate_once
@@ -105,7 +105,7 @@ def compile_problem(
         raise Unavailable("has rigid bars" if rigid.any() else "has no rigid bars")
     if options and not (problem.structure.is_bar & ~rigid).any():
         raise Unavailable("has no bars with a stiffness")
-    if variant.emitter != "auto" and problem.structure.n_members > MOST_STRAIGHT_LINE_MEMBERS:
+    if variant.emitter != "auto" and problem.structure.n_members > MAX_STRAIGHT_LINE_MEMBERS:
         raise Unavailable("the emitter table is the usual one at this size")
     is_rigid = find_formulation(formulation).has_rigid_bars
     extra = ("consistent_coordinate", "consistent_velocity") if is_rigid else ()

@@ -48,7 +48,7 @@ from tensegrity_codegen.system.output_folder import write_folder
 from tensegrity_codegen.system.progress import part_of
 from tensegrity_codegen.system.provenance import describe_provenance
 
-MOST_BEST = 8  # runs of a long table that are always visible
+MAX_BEST = 8  # runs of a long table that are always visible
 SHOWN = 1e1  # errors above are not drawn [m]
 LEAD = (
     "Time is CPU time of the whole motion on one core, without building the library: of integration in C "
@@ -214,8 +214,8 @@ def _all_rows(report: SceneReport, anchor: str) -> Section:
     table = make_table(
         "Every run", columns | {"status": ""}, rows,
         note="A dash: not known, or this motion does not keep it.",
-        head=tuple(report.rows.index(row) for row in best[:MOST_BEST]),
-        head_note=f"{min(len(best), MOST_BEST)} of the {len(best)} that no other beats in error and time",
+        head=tuple(report.rows.index(row) for row in best[:MAX_BEST]),
+        head_note=f"{min(len(best), MAX_BEST)} of the {len(best)} that no other beats in error and time",
     )  # fmt: skip
     bad = sum(not row.is_good for row in report.rows)
     return Section(
@@ -242,7 +242,7 @@ def _who(report: SceneReport, anchor: str) -> Section:
 
 
 PAGE_NAME, TABLE_NAME, DATA_NAME = "report.html", "report.csv", "report.json"
-MOST_SAMPLES = 100_000
+MAX_SAMPLES = 100_000
 
 
 @dataclass(frozen=True)
@@ -289,10 +289,8 @@ def write_report(
     Rows go into a journal in the folder as soon as they are measured; a report that was interrupted and is
     asked for again goes on from there, unless `fresh`; `notice` is called with what is taken.
     """
-    if not 2 <= samples <= MOST_SAMPLES:
-        raise InvalidValueError(
-            "out of range", where="samples", given=samples, allowed=f"2 to {MOST_SAMPLES}"
-        )
+    if not 2 <= samples <= MAX_SAMPLES:
+        raise InvalidValueError("out of range", where="samples", given=samples, allowed=f"2 to {MAX_SAMPLES}")
     require_plot()
     prepare_study(structures, t_end, folder, (PAGE_NAME, TABLE_NAME, DATA_NAME), overwrite=overwrite)
     reports = []

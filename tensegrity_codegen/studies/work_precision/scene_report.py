@@ -272,7 +272,7 @@ def _is_enough(row: Row, reference: Reference, options: Options) -> bool:
 
 
 HEADLINE_ERROR = 1e-6  # the error of the headline [m], where methods reach it
-MOST_SCENES = 2  # that a headline names one by one
+MAX_SCENES = 2  # that a headline names one by one
 
 
 @dataclass(frozen=True)
@@ -328,11 +328,11 @@ def describe_finding(comparisons: Sequence[Comparison]) -> str:
     if len(comparisons) == 1:
         return _describe(comparisons[0])
     ratios = [comparison.ratio for comparison in comparisons if comparison.ratio is not None]
-    if len(ratios) < len(comparisons) or (len(ratios) <= MOST_SCENES and not _is_alike(comparisons)):
-        shown = [f"{comparison.scene}: {_describe(comparison)}" for comparison in comparisons[:MOST_SCENES]]
+    if len(ratios) < len(comparisons) or (len(ratios) <= MAX_SCENES and not _is_alike(comparisons)):
+        shown = [f"{comparison.scene}: {_describe(comparison)}" for comparison in comparisons[:MAX_SCENES]]
         n_unnamed = len(comparisons) - len(shown)
         return "; ".join([*shown, *([f"and {n_unnamed} more scenes"] if n_unnamed > 0 else [])])
-    if len(ratios) <= MOST_SCENES:
+    if len(ratios) <= MAX_SCENES:
         relation = "faster" if ratios[0] >= 1.0 else "slower"
         factors = [
             f"{_factor(max(r, 1.0 / r))} ({comparison.scene})"

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import casadi as ca
 
-from tensegrity_codegen.symbolic.geometry import LEAST_SQUARE, Scalar, Vector, dot, member_length, member_rate
+from tensegrity_codegen.symbolic.geometry import MIN_SQUARE, Scalar, Vector, dot, member_length, member_rate
 from tensegrity_codegen.symbolic.members.member_law import MemberLaw, build_law
 from tensegrity_codegen.tables.laws import MEMBER_VALUES
 
@@ -85,7 +85,7 @@ class Member:
     values: Mapping[str, Scalar]
     tension_only: bool
     section: Mapping[str, Scalar] = field(default_factory=dict)
-    least_square: Scalar = LEAST_SQUARE
+    least_square: Scalar = MIN_SQUARE
     fmax = staticmethod(ca.fmax)
 
     @property
@@ -120,7 +120,7 @@ class Member:
 
     @cached_property
     def length(self) -> Scalar:
-        """Length l_e [m], of a cable never 0, see LEAST_SQUARE."""
+        """Length l_e [m], of a cable never 0, see MIN_SQUARE."""
         return ca.sqrt(self.square)
 
     @cached_property

@@ -39,7 +39,7 @@ from typing import Any
 import casadi as ca
 
 from tensegrity_codegen.structure.sliding import SlidingCable
-from tensegrity_codegen.symbolic.geometry import LEAST_LENGTH, LEAST_SQUARE, Scalar, Vector, dot
+from tensegrity_codegen.symbolic.geometry import MIN_LENGTH, MIN_SQUARE, Scalar, Vector, dot
 from tensegrity_codegen.symbolic.members.member import Member, MemberBlocks, stiffness_block
 from tensegrity_codegen.symbolic.members.member_law import MemberLaw, build_law
 from tensegrity_codegen.symbolic.memory import Memory
@@ -62,7 +62,7 @@ class Strand(Member):
     @cached_property
     def divisor(self) -> Scalar:
         """Length [m], 0 where the ends of a strand that pulls coincide: its pull has no direction there."""
-        return self.length - ca.if_else(self.law.rest_length < self.law.length, LEAST_LENGTH, 0)
+        return self.length - ca.if_else(self.law.rest_length < self.law.length, MIN_LENGTH, 0)
 
     @cached_property
     def density(self) -> Scalar:
@@ -174,7 +174,7 @@ SLACK_STRAIN = 1e-4  # of a strand, below which it has less damping on material 
 SLACK_MARGIN = 1e-6  # of the rest length of a strand: margin of a ring between slack ones
 SURE = 1.0 - 1e-6  # times what a ring holds: less by more than any rounding
 HELD = 1.0 - 1e-10  # of the limit, up to which equilibria go, so that their rings stick for sure
-LEAST_DAMPING = 1e-3  # of it, when slack
+MIN_DAMPING = 1e-3  # of it, when slack
 
 
 @dataclass(frozen=True)
@@ -209,7 +209,7 @@ class SlidingStrand(Member):
     def giving(self) -> Scalar:
         """Damping on material that the strand gives away [N s/m]."""
         small = SLACK_STRAIN * self.axial_stiffness
-        return self.law.damping * ((self.elastic + LEAST_DAMPING * small) / (self.elastic + small))
+        return self.law.damping * ((self.elastic + MIN_DAMPING * small) / (self.elastic + small))
 
     @cached_property
     def stuck_tension(self) -> Scalar:
@@ -443,4 +443,4 @@ def _find_angle(before: Member, after: Member) -> Scalar:
     pairs = list(zip(before.vector, after.vector, strict=True))
     square = sum(((x * w - y * v) ** 2 for (x, v), (y, w) in combinations(pairs, 2)), ca.SX(0.0))
     area = ca.if_else(square > 0, ca.sqrt(ca.if_else(square > 0, square, 1)), 0)
-    return ca.atan2(area, dot(before.vector, after.vector) + LEAST_SQUARE)
+    return ca.atan2(area, dot(before.vector, after.vector) + MIN_SQUARE)

@@ -201,13 +201,13 @@ def test_what_is_too_long_is_left_out_and_listed(monkeypatch: pytest.MonkeyPatch
     request = replace(request.wanting(*WANTED), interfaces=("casadi_hessian",))
     functions = prune(build_model(structure, request), request.quantities)
     room = sum(f.operations for f in functions) + 150
-    monkeypatch.setattr(casadi_functions, "MOST_OPERATIONS", room)
+    monkeypatch.setattr(casadi_functions, "MAX_OPERATIONS", room)
     parts = parts_of(structure, request)
     assert "too long for unrolled code: " in parts["casadi_derivatives"].why
     some = {name for name in names_of(structure, request) if name.startswith(("jac_", "adj1_"))}
     assert some
     assert not [name for name in some if name in parts["casadi_derivatives"].why]
-    monkeypatch.setattr(casadi_functions, "MOST_MEMBERS", 2)
+    monkeypatch.setattr(casadi_functions, "MAX_MEMBERS", 2)
     request = replace(request, quantities=tuple(q for q in request.quantities if q != "node_residual"))
     parts = parts_of(structure, request)
     assert not parts["casadi_derivatives"].is_included
@@ -218,7 +218,7 @@ def test_what_is_too_long_is_left_out_and_listed(monkeypatch: pytest.MonkeyPatch
 def test_the_jacobian_of_the_static_force_of_a_large_structure_is_its_stiffness(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(casadi_functions, "MOST_MEMBERS", 2)
+    monkeypatch.setattr(casadi_functions, "MAX_MEMBERS", 2)
     structure, request = bare()
     request = replace(
         request.wanting("node_residual", "acceleration"), interfaces=("casadi",), emitter="table"

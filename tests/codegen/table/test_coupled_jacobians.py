@@ -144,7 +144,7 @@ def test_a_matrix_that_large_groups_fill_is_refused_with_a_way_out() -> None:
     with pytest.raises(FormulationError) as caught:
         emit(structure, ModelRequest(("state_jacobian",), emitter="table"))
     assert caught.value.where == "tower: model.quantities"
-    assert int(str(caught.value.given).split()[0]) > mass_groups.MOST_ENTRIES
+    assert int(str(caught.value.given).split()[0]) > mass_groups.MAX_ENTRIES
     half = np.zeros(structure.n_nodes)
     np.add.at(half, structure.connectivity.ravel(), np.repeat(structure.member_mass / 2, 2))
     lumped = structure.with_changes(node_mass=structure.node_mass + half, member_mass=np.zeros(2070))

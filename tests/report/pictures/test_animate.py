@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tensegrity_codegen.report.pictures.animate import MOST_FRAMES, find_frames, write_animation
+from tensegrity_codegen.report.pictures.animate import MAX_FRAMES, find_frames, write_animation
 from tensegrity_codegen.report.pictures.view import PictureChoices
 from tensegrity_codegen.system.errors import InvalidValueError, MissingExtraError, NonFiniteError, OutputError
 from tests.cases import thorough
@@ -45,9 +45,9 @@ def test_too_long_a_film_says_which_slow_down_would_do():
     time = np.linspace(0.0, 1000.0, 11)
     with pytest.raises(InvalidValueError) as caught:
         find_frames(time, 25, 1.0)
-    assert f"at most {MOST_FRAMES}" in caught.value.allowed
+    assert f"at most {MAX_FRAMES}" in caught.value.allowed
     assert "slow_down 0.11" in caught.value.hint
-    assert len(find_frames(time, 25, 0.11)) <= MOST_FRAMES
+    assert len(find_frames(time, 25, 0.11)) <= MAX_FRAMES
 
 
 @pytest.mark.parametrize("structure", [frame(), *thorough(prism())])

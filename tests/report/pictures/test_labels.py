@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from tensegrity_codegen.report.pictures.marks import MOST_NAMES, choose_names
+from tensegrity_codegen.report.pictures.marks import MAX_NAMES, choose_names
 from tensegrity_codegen.report.pictures.view import PictureChoices
 from tests.cases import thorough
 from tests.report.samples import draw_structure, frame
@@ -52,7 +52,7 @@ def test_too_many_names_are_left_out_and_stated():
     many = prism(sides=40)
     written, left = choose_names(many, ("nodes", "members"))
     assert written == ("nodes",)
-    assert [(item.kind, item.count, item.limit) for item in left] == [("members", 160, MOST_NAMES["members"])]
+    assert [(item.kind, item.count, item.limit) for item in left] == [("members", 160, MAX_NAMES["members"])]
     assert "160" in left[0].describe()
-    assert str(MOST_NAMES["members"]) in left[0].describe()
+    assert str(MAX_NAMES["members"]) in left[0].describe()
     assert choose_names(prism(), ("nodes", "members")) == (("nodes", "members"), [])

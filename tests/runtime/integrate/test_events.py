@@ -479,7 +479,7 @@ def build_silent(structure: Structure, **more: Any) -> CompiledModel:
 
 
 def test_many_cables_are_watched_only_where_that_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(events, "MOST_WATCHED", 1)
+    monkeypatch.setattr(events, "MAX_WATCHED", 1)
     time = np.linspace(0.0, 1.0, 3)
     other = net(damping=0.01)  # that no other test has built with the limit as it is
     silent, asked = (build_silent(other, **more) for more in ({}, {"events": ("cable",)}))

@@ -24,7 +24,7 @@ from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.manifest import Pattern
 
 # Of a matrix over large groups of coupled nodes, which is full: 30 MB of values, and as much C.
-MOST_ENTRIES = 4_000_000
+MAX_ENTRIES = 4_000_000
 
 
 def check_constant_masses(model: TableModel, coordinate: IntArray) -> None:
@@ -42,13 +42,13 @@ def check_constant_masses(model: TableModel, coordinate: IntArray) -> None:
 
 
 def check_entries(model: TableModel, quantity: str, count: int) -> None:
-    """Raise FormulationError for a matrix that large groups of coupled nodes fill beyond MOST_ENTRIES."""
-    if count > MOST_ENTRIES:
+    """Raise FormulationError for a matrix that large groups of coupled nodes fill beyond MAX_ENTRIES."""
+    if count > MAX_ENTRIES:
         raise FormulationError(
             f"bars with own mass couple so many nodes that {quantity} is nearly full",
             where=f"{model.name}: model.quantities",
             given=f"{count} entries",
-            allowed=f"at most {MOST_ENTRIES} entries",
+            allowed=f"at most {MAX_ENTRIES} entries",
             hint="give the mass of the bars to their end nodes, half to each",
         ).unless_chosen_otherwise(quantity)
 

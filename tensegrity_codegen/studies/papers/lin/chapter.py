@@ -16,7 +16,7 @@ from tensegrity_codegen.system.journal import Journal
 from tensegrity_codegen.system.progress import ProgressFunction
 
 SUBSCRIPT = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
-MOST_STEADY = 20.0  # [%] of change with the load, beyond which a spring's difference counts as growing
+MAX_STEADY = 20.0  # [%] of change with the load, beyond which a spring's difference counts as growing
 HOW_TO_READ = "In each field, from above: {above}, ours, ours minus {above}."
 
 
@@ -103,7 +103,7 @@ def _describe_growth(data: dict[str, Any]) -> str:
     start, end = np.abs(data["ours_minus_paper"])[[0, -1]]
     growth = 100 * (end / start - 1)
     names = [name.translate(SUBSCRIPT) for name in data["columns"]]
-    growing = [k for k in np.argsort(-growth) if growth[k] > MOST_STEADY]
+    growing = [k for k in np.argsort(-growth) if growth[k] > MAX_STEADY]
     steady = np.delete(growth, growing)
     grown = ", ".join(f"{names[k]} by {growth[k]:.0f} %" for k in growing)
     return (

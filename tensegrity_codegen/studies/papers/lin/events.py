@@ -227,7 +227,7 @@ SUBSETS = {"all": ("side", "top"), "side": ("side",), "top": ("top",)}
 FACTORS = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0)
 DESCENTS = (0.01, 0.03, 0.05)  # [m]
 PRINTED_LOAD = 10.0  # [N]
-MOST_ITERATIONS = 30
+MAX_ITERATIONS = 30
 CLOSE = 1e-11  # [m]
 
 
@@ -271,7 +271,7 @@ def find_force(model: CompiledModel, descent: float, spring_constant: FloatArray
     at = solver.find(tolerance=1e-11, spring_constant=spring_constant).check().coordinate[0]
     height = _measure(model, at, 0.0, spring_constant)[0]
     force = 0.0
-    for _ in range(MOST_ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         present, flexibility = _measure(model, at, force, spring_constant)
         missing = descent - (height - present)
         if abs(missing) <= CLOSE:

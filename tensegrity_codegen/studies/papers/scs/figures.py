@@ -37,7 +37,7 @@ from tensegrity_codegen.system.errors import InvalidValueError, StructureError
 
 
 OUTSIDE = -1
-MOST_CELLS = 1_000_000
+MAX_CELLS = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -131,12 +131,12 @@ def _check_map(height: float, force: float, alpha: FloatArray, delta: FloatArray
         )
     cells = alpha.size * delta.size
     finite = np.isfinite(alpha).all() and np.isfinite(delta).all()
-    if not finite or not 1 <= cells <= MOST_CELLS or alpha.ndim != 1 or delta.ndim != 1:
+    if not finite or not 1 <= cells <= MAX_CELLS or alpha.ndim != 1 or delta.ndim != 1:
         raise InvalidValueError(
             "not a grid",
             where="alpha_deg, delta_deg",
             given=f"{alpha.shape} x {delta.shape}",
-            allowed=f"two lists of finite angles, at most {MOST_CELLS} cells",
+            allowed=f"two lists of finite angles, at most {MAX_CELLS} cells",
         )
 
 

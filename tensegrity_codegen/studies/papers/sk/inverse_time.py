@@ -33,7 +33,7 @@ METHODS = {
     "sparse": ("sparse product", "conjugation (sparce)"),
     "factored": ("factored, ours", "–"),
 }
-LEAST_SECONDS, LEAST_TIMES = 0.05, 9  # of repetitions of one measurement
+MIN_SECONDS, MIN_TIMES = 0.05, 9  # of repetitions of one measurement
 ASYMPTOTIC = 12  # growth exponents are fitted from this number of nodes on, if three sizes are left
 
 
@@ -107,9 +107,9 @@ class _Problem:
 
 
 def _seconds(call: Callable[[], Any]) -> float:
-    """Return the least time of one call, repeated for LEAST_SECONDS and LEAST_TIMES at least."""
+    """Return the least time of one call, repeated for MIN_SECONDS and MIN_TIMES at least."""
     fastest, total, count = float("inf"), 0.0, 0
-    while count < LEAST_TIMES or total < LEAST_SECONDS:
+    while count < MIN_TIMES or total < MIN_SECONDS:
         started = time.perf_counter()
         call()
         seconds = time.perf_counter() - started

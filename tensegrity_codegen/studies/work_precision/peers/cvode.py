@@ -16,10 +16,10 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.studies.study import load_c
 from tensegrity_codegen.studies.work_precision.measure import Contender, MotionProblem, Run, Unavailable
 from tensegrity_codegen.studies.work_precision.own import ATOL_OF_RTOL
-from tensegrity_codegen.studies.work_precision.peers.sundials import MOST_DENSE, TOLERANCES, build_rates
+from tensegrity_codegen.studies.work_precision.peers.sundials import MAX_DENSE, TOLERANCES, build_rates
 
 ADAMS, BDF, NORMAL = 1, 2, 1  # constants of cvode.h
-MOST_STEPS = 10_000_000  # between two samples
+MAX_STEPS = 10_000_000  # between two samples
 SETTINGS = {
     "Adams, fixed point": (ADAMS, False),
     "Adams, Newton, dense LU": (ADAMS, True),
@@ -84,8 +84,8 @@ def _make(
     (method, uses_newton), name = SETTINGS[title], f"CVODE (C; {title})"
     if structure.is_rigid.any():
         raise Unavailable("rigid bars: would need an index reduction of its own")
-    if uses_newton and structure.n_members > MOST_DENSE:
-        raise Unavailable(f"not attempted above {MOST_DENSE} members")
+    if uses_newton and structure.n_members > MAX_DENSE:
+        raise Unavailable(f"not attempted above {MAX_DENSE} members")
     cvode = _load_cvode()
     node, axis = structure.coordinate_node_axis.T
     start = np.concatenate([structure.node_position[node, axis], structure.node_velocity[node, axis]])
@@ -99,7 +99,7 @@ def _make(
     cvode.CVodeInit(memory, load_c("cvode_rates", RATES).rates, ctypes.c_double(0.0), vector)
     cvode.CVodeSStolerances(memory, ctypes.c_double(1e-3), ctypes.c_double(1e-3))
     cvode.CVodeSetMaxHnilWarns(memory, -1)  # of steps that are lost in the time: it would print them
-    cvode.CVodeSetMaxNumSteps(memory, ctypes.c_long(MOST_STEPS))
+    cvode.CVodeSetMaxNumSteps(memory, ctypes.c_long(MAX_STEPS))
     if uses_newton:
         matrix = ctypes.c_void_p(cvode.SUNDenseMatrix(size, size, context))
         cvode.CVodeSetLinearSolver(

@@ -26,7 +26,7 @@ Derivative = Callable[[float, FloatArray], FloatArray]
 Solver = Callable[[Derivative, FloatArray, FloatArray, float], tuple[FloatArray, FloatArray, str, int]]
 
 TOLERANCES = tuple(10.0**-k for k in range(2, 12))
-MOST_STEPS = 1_000_000  # between two samples
+MAX_STEPS = 1_000_000  # between two samples
 
 
 def contenders(
@@ -112,7 +112,7 @@ def _ode(
         count += 1
         return derivative(t, x)
 
-    solver = ode(counted).set_integrator(**options, rtol=rtol, atol=ATOL_OF_RTOL * rtol, nsteps=MOST_STEPS)
+    solver = ode(counted).set_integrator(**options, rtol=rtol, atol=ATOL_OF_RTOL * rtol, nsteps=MAX_STEPS)
     solver.set_initial_value(start, 0.0)
     for time in times[1:]:
         try:
@@ -130,7 +130,7 @@ def _odeint(
 ) -> tuple[FloatArray, FloatArray, str, int]:
     atol = ATOL_OF_RTOL * rtol
     result: Any = odeint(
-        derivative, start, times, full_output=True, tfirst=True, rtol=rtol, atol=atol, mxstep=MOST_STEPS
+        derivative, start, times, full_output=True, tfirst=True, rtol=rtol, atol=atol, mxstep=MAX_STEPS
     )
     states, told = result
     is_whole = told["message"] == "Integration successful."

@@ -18,9 +18,9 @@ from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.tables.request import ModelRequest
 
 TOLERANCES = tuple(10.0**-k for k in range(2, 11))
-MOST_WORK = 20_000_000  # members times steps between two samples: some ten seconds
-MOST_MEMBERS = 1_000
-MOST_DENSE = 200  # members up to which dense matrices are tried
+MAX_WORK = 20_000_000  # members times steps between two samples: some ten seconds
+MAX_MEMBERS = 1_000
+MAX_DENSE = 200  # members up to which dense matrices are tried
 
 ADAMS = {"linear_multistep_method": "adams"}
 FUNCTIONAL = {"nonlinear_solver_iteration": "functional"}
@@ -85,10 +85,10 @@ def _make(problem: MotionProblem, setting: Setting, write: Callable[[], dict[str
     structure = problem.structure
     if structure.is_rigid.any():
         raise Unavailable("rigid bars: would need an index reduction of its own")
-    if structure.n_members > MOST_MEMBERS:
-        raise Unavailable(f"not attempted above {MOST_MEMBERS} members")
-    if setting.options.get("linear_solver") == "lapacklu" and structure.n_members > MOST_DENSE:
-        raise Unavailable(f"not attempted above {MOST_DENSE} members")
+    if structure.n_members > MAX_MEMBERS:
+        raise Unavailable(f"not attempted above {MAX_MEMBERS} members")
+    if setting.options.get("linear_solver") == "lapacklu" and structure.n_members > MAX_DENSE:
+        raise Unavailable(f"not attempted above {MAX_DENSE} members")
     ode = write()
     node_axes = structure.coordinate_node_axis
     node, axis = node_axes.T
@@ -99,7 +99,7 @@ def _make(problem: MotionProblem, setting: Setting, write: Callable[[], dict[str
         options = {
             "reltol": rtol,
             "abstol": ATOL_OF_RTOL * rtol,
-            "max_num_steps": MOST_WORK // structure.n_members,
+            "max_num_steps": MAX_WORK // structure.n_members,
             "show_eval_warnings": False,
             "print_stats": False,
             **setting.options,
