@@ -6,7 +6,7 @@ For a function `f` of the arguments x casadi.external looks up, with second deri
 - `adj1_f(x, out_f, adj_f)`: the products of the transposed Jacobians with `adj_f`,
 - `jac_adj1_f(x, out_f, adj_f, out_adj_x)`: the Jacobians of these products, the Hessian of `adj_f' f`.
 
-There is no `fwd1_f`: CasADi multiplies the sparse Jacobian instead, and its solvers never call it. Where a
+There is no `fwd1_f`: CasADi multiplies the sparse Jacobian instead, and its solvers never call it. If a
 structure is too large for such code, the Jacobian of the static force is its stiffness, with the other sign.
 
 acados: the state is x = (q, q'), with internal states behind, the control u the inputs, p all run-time
@@ -120,7 +120,7 @@ def build_derivatives(
 
 
 def list_derivative_parts(request: ModelRequest, derivatives: Derivatives) -> tuple[SourcePart, ...]:
-    """Return the entries of the manifest's list of parts for derivatives, where there is CasADi."""
+    """Return the entries of the manifest's list of parts for derivatives, if there is CasADi."""
     if not set(request.interfaces).intersection(CASADI_INTERFACES):
         return ()
     return (

@@ -1,7 +1,7 @@
 """Choice of the emitter where the scene leaves it open: `model.emitter = "auto"`.
 
 The rule is a function of a few facts; where its numbers come from: docs/decisions/0014-auto-emitter.md.
-Where an emitter or a formulation does not serve a request, hints name choices that do, each of which was
+If an emitter or a formulation does not serve a request, hints name choices that do, each of which was
 tried: a hint that leads to another refusal is worse than none.
 """
 
@@ -157,7 +157,7 @@ class Alternative:
 def find_alternatives(
     structure: Subject, request: ModelRequest, error: FormulationError, check_request: CheckRequest
 ) -> str:
-    """Return a hint of choices that `check_request` accepts, the error's own hint where there is none.
+    """Return a hint of choices that `check_request` accepts, the error's own hint if there is none.
 
     check_request: raises TensegrityError for a request that cannot be served. A choice that leaves a fault
     which no choice mends, such as bars without a radius, is named with its remedy.

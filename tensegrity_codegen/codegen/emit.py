@@ -114,7 +114,7 @@ _checked: list[tuple[Subject, ModelRequest, EmissionPlan]] = []
 def check_request(structure: Subject, request: ModelRequest) -> EmissionPlan:
     """Return the plan of `emit`, without writing it; raises all that `emit` raises of a request.
 
-    Where another emitter or formulation serves the request, the error's hint names it: each has been tried
+    If another emitter or formulation serves the request, the error's hint names it: each has been tried
     here before it is named. The last answer is kept until its library is emitted.
     """
     for subject, planned_request, known in _checked[:]:
@@ -173,7 +173,7 @@ def _plan(structure: Subject, request: ModelRequest) -> EmissionPlan:
 
 
 def _plan_loops(structure: Subject, request: ModelRequest) -> EmissionPlan | None:
-    """Return the plan with the emitter `table`, None where another one is asked for or serves more."""
+    """Return the plan with the emitter `table`, None if another one is asked for or serves more."""
     if request.emitter != AUTO:
         return None
     try:

@@ -70,7 +70,7 @@ class Bodies:
     """C text of functions: a preamble, and the statements of each, by quantity.
 
     checked: quantities whose statements end by returning whether all results are finite; checked_by_sums:
-    those that return non-zero only where all arguments and results are finite, and may return zero then too.
+    those that return non-zero only if all arguments and results are finite, and may return zero then too.
     """
 
     statements: Mapping[str, Sequence[str]]

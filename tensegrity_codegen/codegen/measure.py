@@ -252,7 +252,7 @@ class MemoryUse:
 
     code_bytes: machine code and constants, before a linker drops what is not used; None: unknown format.
     stack_bytes: public function -> bytes of stack that it takes at most, along its longest chain of calls;
-    functions of the C library count nothing; empty where the compiler does not say.
+    functions of the C library count nothing; empty if the compiler does not say.
     """
 
     code_bytes: int | None

@@ -63,7 +63,7 @@ def export_acados(
     mpc : Mpc
         The design, as of `design_mpc`.
     out : str or Path
-        Folder, made where it does not exist.
+        Folder, made if it does not exist.
     overwrite : bool
         Whether files may be replaced that are not as SHA256SUMS in the folder says.
 

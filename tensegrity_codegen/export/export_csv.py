@@ -28,7 +28,7 @@ def write_tables(source: ExportSource, path: Path, *, trajectory: Path | None = 
     """Return nodes.csv and members.csv, and with a trajectory motion.csv: times, positions and tensions.
 
     Numbers are the shortest texts that read back bit-equal. Raises FormulationError for scenes of bodies, and
-    what `read_trajectory` raises. path: the folder, which is not written here.
+    the errors of `read_trajectory`. path: the folder, which is not written here.
     """
     structure = source.structure
     if not isinstance(structure, Structure):
@@ -92,7 +92,7 @@ def _list_members(structure: Structure) -> Iterable[list[Any]]:
 
 
 def _list_losses(source: ExportSource, structure: Structure) -> list[str]:
-    """Return what of the scene is not in the tables, a sentence each."""
+    """Return a sentence for each fact of the scene that is not in the tables."""
     unwritten = [key for key in read_scene(source.path).to_document() if key not in WRITTEN]
     has_limits = max(structure.limits.clearance, structure.limits.least_stiffness) > -np.inf
     facts = [

@@ -17,7 +17,7 @@ def write_dxf(
 
     A member of groups is on the layer of its kind and its smallest group, "cables-verticals", but for groups
     that are called bars or cables. Raises MissingExtraError without ezdxf, InvalidValueError for a sample
-    that is not there, and what `read_shapes` raises.
+    that is not there, and the errors of `read_shapes`.
     """
     ezdxf = import_extra("ezdxf", CAD)
     if sample is not None and trajectory is None:

@@ -61,7 +61,7 @@ def settle_method(
 ) -> str:
     """Return the integrator of a unit: the one given, or for "auto" the one that `simulate` would choose.
 
-    Where the choice is between an explicit method and another, the library is built to weigh them; without a
+    If the choice is between an explicit method and another, the library is built to weigh them; without a
     compiler the explicit one is taken. Raises UnknownNameError, and InvalidValueError for a method that
     chooses no steps of its own.
     """
@@ -89,7 +89,7 @@ def settle_method(
 VERSIONS = ("2.0", "3.0")
 KINDS = {"me": ("me",), "cs": ("cs",), "both": ("me", "cs")}
 USUAL = (POSITION, "member_length", "member_tension")
-# What the states and their derivatives say already.
+# Those that states and their derivatives contain already.
 SAME = ("acceleration", "state_derivative", "internal_rate")
 
 
@@ -142,7 +142,7 @@ def export_fmu(
     Returns
     -------
     Exported
-        What was written, and notes on what the unit lacks.
+        The written file, and notes on the limits of the unit.
 
     Raises
     ------
@@ -261,7 +261,7 @@ def _check_options(fmi: str, kind: str, t_end: float, rtol: float) -> None:
 
 
 def _narrow(source: ExportSource) -> ModelRequest:
-    """Return the request without what a unit does not use; raises FormulationError for single precision."""
+    """Return the request for the functions of a unit; raises FormulationError for single precision."""
     request = source.request
     if request.precision != "double":
         raise FormulationError(

@@ -83,13 +83,13 @@ def write_gltf(source: ExportSource, path: Path, *, trajectory: Path | None = No
 
 
 def _turn(place: FloatArray) -> FloatArray:
-    """Return places (..., 3) of the scene in the file, where y is up."""
+    """Return places (..., 3) of the scene in the file, whose y axis is up."""
     turned: FloatArray = place[..., [0, 2, 1]] * (1.0, 1.0, -1.0) + 0.0  # no -0.0
     return turned
 
 
 def _add_nodes(writer: _Writer, shapes: Shapes) -> Iterator[tuple[int, str, FloatArray]]:
-    """Add a node for each node of the scene; yield its number, what moves, and the values (n_t, 3)."""
+    """Add a node for each node of the scene; yield its number, its channel, and the values (n_t, 3)."""
     for row, name in enumerate(shapes.structure.node_name):
         values = _turn(shapes.node_position[:, row])
         yield writer.add_node(name, translation=values[0].tolist()), "translation", values
@@ -137,7 +137,7 @@ def _add_meshes(writer: _Writer, kinds: list[str]) -> list[str]:
 
 
 def _animate(writer: _Writer, shapes: Shapes, paths: list[tuple[int, str, FloatArray]]) -> None:
-    """Add the animation; what does not change has no channel."""
+    """Add the animation; constant values have no channel."""
     time = shapes.time.astype(np.float32)
     if not (np.diff(time) > 0).all():
         raise InvalidValueError(

@@ -67,13 +67,13 @@ def build_node_tree(structure: Structure, carried: NDArray[np.bool_]) -> NodeTre
         neighbours[i].append(int(j))
         neighbours[j].append(int(i))
     parent, order = [-1] * structure.n_nodes, []
-    seen = carried | fixed.all(axis=1)  # what does not move needs no coupling
+    seen = carried | fixed.all(axis=1)  # fixed nodes need no coupling
     order += [int(node) for node in np.flatnonzero(seen)]
     for root in sorted(range(structure.n_nodes), key=lambda node: -int(fixed[node].sum())):
         if seen[root]:
             continue
         stack = [(root, -1)]
-        while stack:  # depth first: what remains joins a node and one of its ancestors
+        while stack:  # depth first: each remaining edge joins a node and one of its ancestors
             node, above = stack.pop()
             if seen[node]:
                 continue
@@ -109,7 +109,7 @@ class ModelParts:
 
 
 def build_parts(structure: Structure) -> ModelParts:
-    """Return bodies and tendons of a structure; raises FormulationError for what MuJoCo cannot express."""
+    """Return bodies and tendons of a structure; raises FormulationError for elements unknown to MuJoCo."""
     _check_rigid(structure)
     carried = np.zeros(structure.n_nodes, dtype=bool)
     carried[structure.connectivity[structure.is_rigid].ravel()] = True
@@ -272,7 +272,7 @@ def _add_tendon(parts: ModelParts, member: int) -> None:
 
 
 def _add_coupling(parts: ModelParts, member: int) -> None:
-    """Add what couples the ends of a bar with own mass: a fixed tendon for each axis."""
+    """Add the coupling of the ends of a bar with own mass: a fixed tendon for each axis."""
     structure, tree = parts.structure, parts.tree
     i, j = (int(node) for node in structure.connectivity[member])
     armature = number(structure.member_mass[member] / 6)
@@ -325,7 +325,7 @@ def _compute_spin(
 def build_mjcf(
     structure: Structure, step: float = STEP, integrator: str = "RK4"
 ) -> tuple[Element, list[str]]:
-    """Return the model of a structure as the element `mujoco`, and what it cannot express.
+    """Return the model of a structure as the element `mujoco`, and notes on its limits.
 
     step [s], integrator: of MuJoCo. Raises FormulationError for structures that MuJoCo cannot express,
     InvalidValueError and UnknownNameError for other steps and integrators.
@@ -399,7 +399,7 @@ def _build_actuators(parts: ModelParts) -> Element:
 
 
 def _list_losses(structure: Structure) -> list[str]:
-    """Return what of the structure the model does not have, or has otherwise, a sentence each."""
+    """Return a sentence for each fact of the structure that the model lacks or states differently."""
     loose = structure.tension_only & ~structure.is_rigid
     fixed = structure.node_anchored.all(axis=1)
     ground = structure.ground
@@ -437,7 +437,7 @@ def _list_losses(structure: Structure) -> list[str]:
 
 
 def write_mjcf(source: ExportSource, path: Path, *, step: float = STEP, integrator: str = "RK4") -> Exported:
-    """Write a scene of nodes and members as MJCF; raises what build_mjcf raises."""
+    """Write a scene of nodes and members as MJCF; raises as build_mjcf."""
     structure = source.structure
     if not isinstance(structure, Structure):
         raise FormulationError(

@@ -26,7 +26,7 @@ TURNS = ("0 0 1", "0 1 0", "1 0 0")  # axes of the three joints in place of a ba
 
 
 def build_urdf(subject: Subject) -> tuple[Element, list[str]]:
-    """Return the robot of a structure, and what it does not have; raises what find_parts raises."""
+    """Return the robot of a structure, and notes on its limits; raises as find_parts."""
     rigid_parts, fixed = find_parts(subject)
     root = Element("robot", name=subject.name)
     root.append(Comment(" written by tensegrity_codegen; SI units "))
@@ -105,7 +105,7 @@ def _compute_angles(rotation: FloatArray) -> FloatArray:
 
 
 def _list_losses(subject: Subject) -> list[str]:
-    """Return what of the structure the format cannot say, a sentence each."""
+    """Return a sentence for each fact of the structure that the format cannot state."""
     springs = subject.n_members
     if isinstance(subject, Structure):
         springs -= int(subject.is_rigid.sum())
@@ -122,7 +122,7 @@ def _list_losses(subject: Subject) -> list[str]:
 
 
 def write_urdf(source: ExportSource, path: Path) -> Exported:
-    """Write the rigid parts of a scene as URDF; raises what find_parts raises."""
+    """Write the rigid parts of a scene as URDF; raises as find_parts."""
     root, notes = build_urdf(source.structure)
     links, joints = len(root.findall("link")), len(root.findall("joint"))
     write_elements(root, path)

@@ -1,7 +1,7 @@
 """Export to VTK: a structure as lines of a PolyData file (.vtp), a motion as a series of them (.pvd).
 
 The format: docs.vtk.org, "VTK XML file formats". Several samples in one .vtp are part of it, but readers do
-not read what VTK itself writes of that kind; a collection of files is what ParaView plays.
+not read files of that kind by VTK itself; ParaView plays a collection of files.
 """
 
 from base64 import b64encode
@@ -45,7 +45,7 @@ def write_vtk(source: ExportSource, path: Path, *, trajectory: Path | None = Non
 def build_polydata(shapes: Shapes, sample: int) -> bytes:
     """Return one sample as a PolyData file: nodes are points, members are lines.
 
-    Arrays of points: load [N]; of lines: tension [N], NaN where unknown, kind (0 cable, 1 bar) and member,
+    Arrays of points: load [N]; of lines: tension [N], NaN if unknown, kind (0 cable, 1 bar) and member,
     the row of the field array member_name. Numbers are binary, so that all of their bits are kept.
     """
     structure = shapes.structure

@@ -31,20 +31,20 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 @dataclass(frozen=True)
 class ExportSource:
-    """What is exported."""
+    """The source of an export."""
 
-    path: Path  # the scene file; its name without ending names what is written
+    path: Path  # the scene file; its name without ending names the written files
     structure: Subject  # the structure that it describes
-    request: ModelRequest  # what it requests
-    out: Path | None = None  # what `write_export` writes; for formats of several files, which name each other
+    request: ModelRequest  # the request of the scene
+    out: Path | None = None  # written by `write_export`; for formats of several files, which name each other
 
 
 @dataclass(frozen=True)
 class Exported:
-    """What was written.
+    """The written files.
 
     facts: for programs and tables: {"n_nodes": 6, ...}, in JSON's types.
-    notes: what the format cannot say, or says otherwise than the scene, a sentence each.
+    notes: a sentence for each fact of the scene that the file lacks or states differently.
     files: contents by file name: those of the folder that a format of a folder writes, else those of a folder
         beside the file, of its name without ending.
     """
@@ -59,9 +59,9 @@ class Exporter:
     """One format.
 
     name: the word on the command line: "fmu".
-    title: what the file is, for people: "functional mock-up unit (FMI 2.0 or 3.0)".
+    title: the kind of the file, for people: "functional mock-up unit (FMI 2.0 or 3.0)".
     endings: endings that the name of the file may have, in lower case, the usual one first.
-    write: writes the file: write(source, path, **options); raises TensegrityError where the format cannot
+    write: writes the file: write(source, path, **options); raises TensegrityError if the format cannot
         express the scene. `path` has the ending of the file that the user named, and takes its place when
         `write` returns.
     options: names of further keyword arguments of `write`, in Python as on the command line (with `-` for
@@ -162,7 +162,7 @@ class Shapes:
     node_position: FloatArray
     node_load: FloatArray
     member_tension: FloatArray
-    notes: tuple[str, ...]  # what these arrays do not say
+    notes: tuple[str, ...]  # facts that these arrays lack
 
 
 def read_shapes(source: ExportSource, trajectory: Path | None = None) -> Shapes:

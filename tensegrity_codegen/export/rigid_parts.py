@@ -54,7 +54,7 @@ class RigidPart:
     centre: FloatArray  # (3,) [m]: centre of mass in its frame
     inertia: FloatArray  # (3, 3) [kg m2]: about the centre, in its frame
     points: dict[str, FloatArray] = field(default_factory=dict)  # (3,) [m]: nodes in its frame
-    # of a bar: from where to where on its z axis, and its radius [m]; empty for others
+    # of a bar: its start and end on its z axis, and its radius [m]; empty for others
     bar: tuple[float, ...] = ()
 
 

@@ -1,4 +1,4 @@
-"""One function that draws what there is, as a figure of matplotlib."""
+"""One function that draws structures and results, as a figure of matplotlib."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -50,7 +50,7 @@ def find_modes(
     count : int
         Number of modes; 0 for no analysis.
     warn : callable
-        Called with a sentence where the analysis fails.
+        Called with a sentence if the analysis fails.
 
     Returns
     -------
@@ -77,7 +77,7 @@ def find_modes(
 
 
 def check_follow(follow: bool, subject: Any) -> None:
-    """Raise InvalidValueError where something that does not move is to be followed."""
+    """Raise InvalidValueError if `follow` names something that does not move."""
     if follow and not isinstance(subject, Trajectory | PlanResult):
         raise InvalidValueError(
             "nothing moves that could be followed", where="follow", given=True,
@@ -154,8 +154,8 @@ def draw(
     size : str or pair of int, optional
         Width and height in pixels, ``"1200x900"``; texts keep their proportion to it.
     color : str
-        What colours show: ``"tension"``, ``"force_density"``, ``"stress"`` or ``"kind"``. What is not known,
-        such as the tension of a rigid bar out of equilibrium, has a colour of its own.
+        The quantity of the colours: ``"tension"``, ``"force_density"``, ``"stress"`` or ``"kind"``. An
+        unknown value, such as the tension of a rigid bar out of equilibrium, has a colour of its own.
     forces : bool
         Whether loads and reactions are drawn, as arrows of one scale.
     settle : bool
@@ -174,7 +174,7 @@ def draw(
         matplotlib is not installed.
     InvalidValueError
         A sample that does not exist, a time with something else than a motion, a result without structure,
-        `follow` of what does not move, or a choice that does not exist.
+        `follow` of something that does not move, or a choice that does not exist.
     NonFiniteError
         A sample with positions or tensions of cables that are not finite.
     ConvergenceError

@@ -1,4 +1,4 @@
-"""The interactive content of a page: a compiled model, a WebAssembly module, with what its calls need.
+"""The interactive content of a page: a compiled model, a WebAssembly module, with the data for its calls.
 
 Or a net whose force densities are moved by sliders, and whose shape is found in the page.
 """
@@ -47,7 +47,7 @@ FACT = (
 
 @dataclass(frozen=True)
 class Scales:
-    """What is usual in a structure: size [m], force [N], mass of a node [kg], spring constant [N/m]."""
+    """Typical values of a structure: size [m], force [N], mass of a node [kg], spring constant [N/m]."""
 
     size: float
     force: float
@@ -56,7 +56,7 @@ class Scales:
 
 
 def find_scales(subject: Structure | BodySystem, structure: Structure) -> Scales:
-    """Return what is usual in a structure, given with its outline."""
+    """Return the typical values of a structure, given with its outline."""
     size = float(np.linalg.norm(np.ptp(structure.node_position, axis=0))) or 1.0
     mass = np.array(structure.node_mass, dtype=float)
     np.add.at(mass, structure.connectivity.ravel(), np.repeat(structure.member_mass / 2, 2))

@@ -40,7 +40,7 @@ def render_live(scene: LiveScene, three: str, licence: str) -> str:
     Parameters
     ----------
     scene : LiveScene
-        What is shown.
+        The structure or result to show.
     three, licence : str
         The module of three.js and its licences, of `find_three`.
 
@@ -108,7 +108,7 @@ class LivePage:
     height: int
 
     def __repr__(self) -> str:
-        """Return what a terminal shows."""
+        """Return the text for a terminal."""
         return f"LivePage of {self.title}: {len(self.html) / 1e6:.2g} MB, `write(path)` writes it to a file"
 
     def _repr_html_(self) -> str:
@@ -180,7 +180,7 @@ def view(
     MissingSourceError
         three.js is neither in the cache nor can it be downloaded.
     InvalidValueError
-        Something that cannot be shown, `follow` of what does not move, or a choice that does not exist.
+        Something that cannot be shown, `follow` of a fixed thing, or a choice that does not exist.
     NonFiniteError
         A motion with a sample that is not finite.
     ConvergenceError
@@ -213,7 +213,7 @@ def view(
 
 
 def _read_shown(subject: Any, settle: bool) -> tuple[Subject, Trajectory | None, dict[str, Any]]:
-    """Return structure, motion, and tensions or rigid members, of what a page shows."""
+    """Return structure, motion, and tensions or rigid members, of the content of a page."""
     if settle:
         settled, equilibrium = settle_drawable(subject)
         return settled, None, {"tension": equilibrium.member_tension}

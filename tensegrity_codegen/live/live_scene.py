@@ -1,4 +1,4 @@
-"""The content of a live page: a structure, and a motion, modes and reactions where they are known.
+"""The content of a live page: a structure, and a motion, modes and reactions if they are known.
 
 Arrays are compressed, in base64, in the shortest type that keeps the stated rounding.
 """
@@ -34,7 +34,7 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import describe_count
 
-MAX_USE = 1000.0  # of a use that is infinite, such as a tension where none is allowed
+MAX_USE = 1000.0  # of a use that is infinite, such as a tension if none is allowed
 
 MAX_FLOATS = 1_500_000  # numbers of an array that are kept in single precision; more take 16 bit each
 STEPS = 32000  # of a 16-bit number, to each side of zero
@@ -162,9 +162,9 @@ MAX_NAMES = 160  # of nodes or of members that a page writes at once
 
 @dataclass(frozen=True)
 class LiveStart:
-    """What a page shows at first; readers can change all of it."""
+    """The initial settings of a page; readers can change all of them."""
 
-    view: Direction | None = None  # from where the structure is seen
+    view: Direction | None = None  # direction from which the structure is seen
     labels: tuple[str, ...] = ()  # names of ``"nodes"``, ``"members"`` or both
     follow: bool = False  # whether the camera moves with the structure
 
@@ -180,10 +180,10 @@ class LiveScene:
 
     title: str  # name of the structure, and a line of facts
     headline: str
-    facts: tuple[str, ...]  # sentences on roundings and on what is left out
+    facts: tuple[str, ...]  # sentences on roundings and omissions
     data: Mapping[str, Any]  # names, axes and other short things in JSON's types
     channels: Mapping[str, Channel] = field(default_factory=dict)  # arrays by name
-    warnings: tuple[str, ...] = ()  # what looks like a slip in the scene
+    warnings: tuple[str, ...] = ()  # likely mistakes in the scene
 
 
 AS_USUAL = LiveStart()
@@ -200,7 +200,7 @@ def build_live_scene(
     rigid: NDArray[np.bool_] | None = None,
     load: FloatArray | None = None,
 ) -> LiveScene:
-    """Return what a page of a structure shows."""
+    """Return the content of a page of a structure."""
     structure = outline_bodies(subject)
     if motion is None:
         time, position = np.zeros(1), structure.node_position[None]
@@ -312,7 +312,7 @@ def _list_modes(analysis: Analysis | None) -> tuple[FloatArray, list[dict[str, A
 
 
 def _describe_modes(analysis: Analysis | None) -> str:
-    """Return what a reader must know of the modes."""
+    """Return the notes on the modes for a reader."""
     if analysis is None:
         return ""
     notes = ["Displacements are exaggerated; tensions are those of the configuration."]

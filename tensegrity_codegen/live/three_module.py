@@ -68,7 +68,7 @@ def bundle_folder() -> Path:
 
 
 def read_bundled() -> tuple[str, str] | None:
-    """Return module and licences in this package; None where there are none, or damaged ones."""
+    """Return module and licences in this package; None if there are none, or damaged ones."""
     module, licence = (bundle_folder() / name for name in BUNDLED)
     try:
         content = module.read_bytes()
@@ -91,7 +91,7 @@ def write_three(folder: Path | None = None, file: str | Path | None = None) -> P
 
 
 def describe_three() -> tuple[bool, str]:
-    """Return whether live pages can be written without a network, and where three.js is."""
+    """Return whether live pages can be written without a network, and the path of three.js."""
     named = os.environ.get(THREE_VARIABLE)
     if named:
         return Path(named).is_file(), f"{THREE_VARIABLE}={named}"

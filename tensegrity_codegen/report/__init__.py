@@ -1,1 +1,1 @@
-"""Tables, pictures and animations of structures and of what was computed from them."""
+"""Tables, pictures and animations of structures and of their results."""

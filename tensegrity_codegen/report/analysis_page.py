@@ -53,7 +53,7 @@ def build_analysis_page(
 ) -> Page:
     """Return the page of an analysis.
 
-    structure: what is drawn, its members first those of `member_name` (then edges of bodies); command: the
+    structure: the drawn one, its members first those of `member_name` (then edges of bodies); command: the
     command line that makes the page.
     """
     rows = tuple((text_cell(name), text_cell(value)) for name, value in describe_counts(analysis))

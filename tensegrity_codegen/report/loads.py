@@ -15,8 +15,8 @@ from tensegrity_codegen.system.arrays import FloatArray
 def compute_loads(subject: Structure | BodySystem, motion: Trajectory | None = None) -> FloatArray:
     """Return the loads on nodes at every sample.
 
-    subject: what has the loads; motion: a motion of it, with the values of its inputs; by default one sample
-    with the loads of the scene.
+    subject: the owner of the loads; motion: a motion of it, with the values of its inputs; by default one
+    sample with the loads of the scene.
     Returns (n_t, n_nodes, 3): loads with constant directions, those of inputs among them. Torques and forces
     that turn with a body are not part of it, see `describe_other_loads`.
     """
@@ -53,7 +53,7 @@ def _is_force(source: ActuatedInput | BodyInput) -> bool:
 
 
 def describe_other_loads(subject: Structure | BodySystem, motion: Trajectory | None = None) -> str:
-    """Return a sentence on loads that compute_loads leaves out, "" where there are none.
+    """Return a sentence on loads that compute_loads leaves out, "" if there are none.
 
     Inputs count where a motion has values of them other than zero.
     """
@@ -85,7 +85,7 @@ def compute_reactions(
 
     structure: anchors, loads, masses.
     position (n_t, n_nodes, 3) [m]: positions.
-    tension (n_t, n_members) [N]: tensions; NaN where unknown.
+    tension (n_t, n_members) [N]: tensions; NaN if unknown.
     held (n_held,): anchored nodes.
     load (n_t, n_nodes, 3) [N]: loads on nodes, by default those of the structure.
     joints: nodes on which forces act that no member shows, such as those of bars of body scenes.

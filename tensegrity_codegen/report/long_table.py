@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 Ranking = tuple[tuple[str, Sequence[int]], ...]
 
 MAX_WHOLE = 30  # rows of all tables of a result, up to which all are printed if they fit
-MAX_TOGETHER = 20  # rows of all tables, where there are more
+MAX_TOGETHER = 20  # rows of all tables, if there are more
 MAX_ROWS = 10  # of one table then; a table with a fifth more is printed whole
 MIN_FOLDED = 8  # characters of a line of text that folds
 AROUND = 7  # lines of a table besides its rows
@@ -29,10 +29,10 @@ class LongTable:
         stay on one line.
     count: number of rows.
     row: returns the texts of the row of a number, from 0 on.
-    things: what the rows are, such as "members".
+    things: the word for the rows, such as "members".
     ranking: why rows matter, and their numbers, the most important first.
     caption: stands below it; may be empty.
-    short: what is printed in its place where it is cut.
+    short: printed in its place if it is cut.
     """
 
     title: str
@@ -114,7 +114,7 @@ def find_most_rows(counts: Sequence[int], lines: int = 55) -> int:
     Returns
     -------
     int
-        The largest number of rows where all are few enough; otherwise as many as fit, ten at most.
+        The largest number of rows if all are few enough; otherwise as many as fit, ten at most.
 
     Examples
     --------

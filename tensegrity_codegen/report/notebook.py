@@ -38,7 +38,7 @@ def build_html(result: Summarised) -> str:
 
 
 def _picture(result: Any) -> str:
-    """Return an image, or "" for what has no picture, is too large, or where matplotlib is missing."""
+    """Return an image, or "" for a result without picture, a large structure, or without matplotlib."""
     try:
         if isinstance(result, Motion):
             figure = _plot_rest_lengths(result)

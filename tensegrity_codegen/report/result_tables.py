@@ -137,7 +137,7 @@ def list_columns(sensitivity: Sensitivity) -> dict[str, dict[str, Any]]:
     """Return the largest effects of each column, by its name.
 
     Returns name -> `node` and its `motion` [m/m], the node that moves most; `raised` and `lowered`, the
-    members whose tensions rise and fall most, each with `derivative` [N/m], or None where none does.
+    members whose tensions rise and fall most, each with `derivative` [N/m], or None if none does.
     """
     size = np.linalg.norm(sensitivity.node, axis=1)  # (n_nodes, n_columns)
     result: dict[str, dict[str, Any]] = {}

@@ -208,7 +208,7 @@ def members_table(
     strain = 100 * (member_length - structure.rest_length) / structure.rest_length
 
     def describe(e: int) -> list[str]:
-        # In a word what the member does; a tension-only one without tension is slack
+        # In a word the state of the member; a tension-only one without tension is slack
         value, state = member_tension[e], "taut"
         if not value > 0:
             state = "slack" if structure.tension_only[e] else "compressed" if value < 0 else "unloaded"
@@ -304,7 +304,7 @@ def rank_members(
     """Return which members matter most: nearest to their limits, least tension, largest compression.
 
     structure: with its bars; member_tension (n_members,) [N]: tensions; checks: members against their limits;
-    where there are any, these count in place of the compression of bars.
+    if there are any, these count in place of the compression of bars.
     """
     unknown = np.full(len(member_tension), np.nan)
     use = np.fmax.reduce([unknown, *(checks.use.values() if checks is not None else ())])

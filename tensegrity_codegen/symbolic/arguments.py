@@ -95,7 +95,7 @@ class SymbolicArguments:
     def add_inputs(self) -> None:
         """Let each actuated input change rest lengths or loads: rho_e + gain u, F_i + u direction.
 
-        Where an actuator has a time constant the input is its command, and u its internal state.
+        If an actuator has a time constant the input is its command, and u its internal state.
         """
         self.lag: dict[str, Scalar] = {}  # command - u, by actuator
         self.motor_rate: dict[str, Scalar] = {}  # u', by internal state
@@ -180,7 +180,7 @@ def check_parameters(parameters: Mapping[str, tuple[int, ...]]) -> None:
 
 
 def describe_argument(structure: Structure, name: str) -> tuple[str, str]:
-    """Return sentence and unit of an argument where they differ from the table of arguments, else ""."""
+    """Return sentence and unit of an argument if they differ from the table of arguments, else ""."""
     if name == "internal" and structure.remembers.any():
         return WITH_MEMBERS, ""
     if name != "input" or all(source.kind != "temperature" for source in structure.inputs):

@@ -8,7 +8,7 @@ Scalar = Any  # a 1 x 1 casadi.SX, symbolic or a number
 Vector = list[Scalar]
 
 # Added to the square of a cable's length [m2]: less than rounding from 1e-11 m on, and a normal number in
-# single precision as well. Where the ends of a slack cable coincide it makes quotients and derivatives zero.
+# single precision as well. If the ends of a slack cable coincide it makes quotients and derivatives zero.
 MIN_SQUARE = 2.0**-126
 MIN_LENGTH = 2.0**-63  # its root [m]
 

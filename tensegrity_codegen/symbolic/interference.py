@@ -1,4 +1,4 @@
-"""Interference of bars: how far apart two bars are, where, and which case of the geometry holds.
+"""Interference of bars: the distance of two bars, its points, and the case of the geometry.
 
 Bar 1 runs from a to b, bar 2 from c to d; with u = b - a, v = d - c, w = c - a their axes are
 P(s) = a + s u and Q(t) = c + t v, 0 <= s, t <= 1, and
@@ -6,7 +6,7 @@ P(s) = a + s u and Q(t) = c + t v, 0 <= s, t <= 1, and
     distance = min |Q(t) - P(s)| - R1 - R2
 
 Ends are spherical: a bar is its axis thickened by its radius (a capsule), which is also how the paper counts:
-D_i of LIN 3.2 is the distance between the axes, and bars interfere where it is less than their diameter. A
+D_i of LIN 3.2 is the distance between the axes, and bars interfere if it is less than their diameter. A
 cylinder with flat ends lies within the capsule, so flat-ended bars are never closer than this; where the
 nearest points are inner points of both axes (LIN's case 1) the two distances are equal.
 
@@ -55,8 +55,8 @@ class BarContact:
     """Two bars: surface distance [m], case, parameters and nearest points of the axes, derivatives.
 
     normal: unit vector from the first nearest point to the second. gradient: of the distance to a, b, c, d,
-    four vectors -(1-s) n, -s n, (1-t) n, t n. Where the axes meet the distance has no gradient; the normal
-    is then the common normal u x v / |u x v| (one of its two one-sided limits), and zero where the axes also
+    four vectors -(1-s) n, -s n, (1-t) n, t n. If the axes meet the distance has no gradient; the normal
+    is then the common normal u x v / |u x v| (one of its two one-sided limits), and zero if the axes also
     are parallel: always finite.
     """
 
@@ -271,7 +271,7 @@ def _clamp(x: Scalar) -> Scalar:
 
 
 def _over(x: Scalar, y: Scalar) -> Scalar:
-    """Return x / y, and zero where y is zero or not a number."""
+    """Return x / y, and zero if y is zero or not a number."""
     usable = y > 0
     return ca.if_else(usable, x / ca.if_else(usable, y, 1), 0)
 

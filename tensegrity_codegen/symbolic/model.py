@@ -20,7 +20,7 @@ class ModelArgument:
     """One run-time argument: its symbols, its value in the scene (C order), the names it runs over.
 
     The symbols of a (k, n) argument are n x k, so that CasADi's columns are the rows of a C array.
-    sentence, unit: its meaning in this formulation, where that differs from the table of arguments.
+    sentence, unit: its meaning in this formulation, if that differs from the table of arguments.
     """
 
     symbol: ca.SX
@@ -34,12 +34,12 @@ class ModelArgument:
 class Frame:
     """The indices of a model's results: names of nodes, members, coordinates and inputs, and where nodes are.
 
-    coordinate_node_axis: node and axis of each coordinate, empty where coordinates are no node coordinates.
+    coordinate_node_axis: node and axis of each coordinate, empty if coordinates are no node coordinates.
     find_bar_pair: returns the names of the two bars of each pair whose distance can be asked for; a call,
     since n bars make n (n - 1) / 2 pairs that few models need. rigid_bar: the members that keep constant
     lengths, in the order of their multipliers. internal_name: of internal states; contact_name: of nodes that
     can touch the ground; column_name: of numbers that motions are differentiated to. ring_nodes: nodes that
-    each member passes between its ends, empty where no member does.
+    each member passes between its ends, empty if no member does.
     """
 
     axes: tuple[int, ...]
@@ -94,8 +94,8 @@ class SymbolicModel:
 
     subject: the structure that it models; arguments: name -> argument, in the order of C signatures;
     builders: quantity name -> function without arguments that returns its SX, in the quantity's shape
-    transposed where it is a table of vectors, so that CasADi's columns are the rows of a C array.
-    words: quantity name -> unit and sentence, where they differ from the table of quantities.
+    transposed if it is a table of vectors, so that CasADi's columns are the rows of a C array.
+    words: quantity name -> unit and sentence, if they differ from the table of quantities.
     parts: what the builders share, where an emitter can make something of it.
     """
 

@@ -26,7 +26,7 @@ from tensegrity_codegen.symbolic.geometry import Scalar, Vector
 class Pairs:
     """Pairs of nodes in the order of the coordinates: actuated members first, in the order of the inputs.
 
-    ends: (n_pairs, 2) nodes (i, j) of r_i - r_j; member: the member on each pair, -1 where there is none;
+    ends: (n_pairs, 2) nodes (i, j) of r_i - r_j; member: the member on each pair, -1 if there is none;
     pair_of_member: the pair of each member.
     """
 

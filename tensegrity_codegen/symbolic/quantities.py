@@ -54,7 +54,7 @@ def build_member_quantities(
 
     subject: whose members they are; members: returns the members in their order, when first needed. Returns
     quantity name -> builder of its expression, (n_members, 1), or (n_axes, n_members) of vectors. Builders
-    raise FormulationError where members lack a section or stiffness.
+    raise FormulationError if members lack a section or stiffness.
     """
     return {quantity.name: partial(_build, quantity, subject, members) for quantity in MEMBER_QUANTITIES}
 
@@ -91,7 +91,7 @@ def build_node_quantities(
     n_nodes: number of nodes.
     stacks: "n_coordinates", "n_anchored_coordinates" -> function that takes these components of a vector a
         node.
-    has_states: whether to offer positions and velocities, where they are no coordinates.
+    has_states: whether to offer positions and velocities, if they are no coordinates.
     Returns quantity name -> builder of its expression: (n_axes, n_nodes), or a column.
     """
     builders: dict[str, Stack] = {"n_nodes": stack_nodes, **(stacks or {})}

@@ -165,7 +165,7 @@ class RestrictedBodies:
         return ca.Function(quantity, symbols, [self._model.expression(quantity)])(*arguments)
 
     def _repetition(self) -> ca.SX:
-        """Return G, (n_members, n_groups): one where the tendon is in the group."""
+        """Return G, (n_members, n_groups): one if the tendon is in the group."""
         matrix = np.zeros((self.system.n_members, len(self.group)))
         for column, members in enumerate(self.group.values()):
             matrix[list(members), column] = 1.0

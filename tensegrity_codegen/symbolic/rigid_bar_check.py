@@ -1,4 +1,4 @@
-"""Bars that may be rigid: none where every member is a spring, elsewhere those that do not contradict."""
+"""Bars that may be rigid: none if every member is a spring, elsewhere those that do not contradict."""
 
 from collections.abc import Mapping
 
@@ -16,7 +16,7 @@ DEPENDENT = 1e-9  # part of a bar's unit vector that others leave free
 
 
 def check_formulation(structure: Structure, request: ModelRequest) -> None:
-    """Raise FormulationError where the requested formulation cannot have the structure's rigid bars."""
+    """Raise FormulationError if the requested formulation cannot have the structure's rigid bars."""
     if find_formulation(request.formulation).has_rigid_bars:
         check_rigid_bars(structure, find_rigid_bars(structure, request), request)
     else:

@@ -1,7 +1,7 @@
 """Rigid bars as constraints between node coordinates: projections, and the motion as a series in time.
 
 g_b = (d_b . d_b - l_b^2) / 2 = 0,  J = dg/dq: +d_b at node i, -d_b at node j
-S = J H^-1 J^T: diagonal where no two rigid bars share a node (class 1) or a bar with mass joins them,
+S = J H^-1 J^T: diagonal if no two rigid bars share a node (class 1) or a bar with mass joins them,
 else sparse and positive definite; its LDL^T keeps the pattern of the graph in which bars are vertices.
 
 The series is that of one state, with multipliers and tensions derived. H q'' = f - J^T lambda is what all
@@ -238,7 +238,7 @@ class RigidMotion:
         return self._free[n]
 
     def _pull(self, e: int, n: int) -> Vector:
-        """Return (s d)^(n), without lambda^(n) where it is a bar's."""
+        """Return (s d)^(n), without lambda^(n) if it is a bar's."""
         result = [ca.SX(0.0) for _ in self.nodes.structure.axes]
         for i in range(n if e in self.place else n + 1):
             density = self.multipliers(i)[self.place[e]] if e in self.place else self.series[e].density(i)

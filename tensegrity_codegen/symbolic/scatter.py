@@ -45,7 +45,7 @@ class CoordinateMap:
         return ca.vertcat(*[vectors[node][column[axis]] for node, axis in self.index])
 
     def place(self, coordinate: ca.SX, fixed: list[list[Scalar]]) -> list[list[Scalar]]:
-        """Return one vector a node: components of `coordinate` (n, 1) where free, else `fixed`."""
+        """Return one vector a node: components of `coordinate` (n, 1) if free, else `fixed`."""
         column = {axis: position for position, axis in enumerate(self.axes)}
         result = [list(vector) for vector in fixed]
         for (node, axis), position in self.index.items():

@@ -36,7 +36,7 @@ def describe_binary(data: bytes) -> str:
 
 
 def _describe_archive(data: bytes) -> str:
-    """Return what the first object file of an archive is; tables of names and symbols are passed over."""
+    """Return the format of the first object file of an archive; tables of names and symbols are skipped."""
     at = len(ARCHIVE)
     while at + MEMBER_HEADER <= len(data):
         name = data[at : at + 16].strip()

@@ -15,7 +15,7 @@ CACHE_VARIABLE = "TENSEGRITY_CODEGEN_CACHE"
 
 
 class CacheFolderWarning(UserWarning):
-    """The cache is not where it usually is."""
+    """The cache is not at its usual path."""
 
 
 def find_cache_root() -> Path:
@@ -60,7 +60,7 @@ def _may_be_written(folder: Path) -> bool:
 # Folders and files that only this user can have written: made so, and checked before they are used.
 #
 # A library that is loaded runs with all rights of this user, so its folder has to be as private as a
-# program's: owned by this user, writable by nobody else, no symbolic links. Where the system knows no user
+# program's: owned by this user, writable by nobody else, no symbolic links. If the system knows no user
 # ids (Windows) only links are refused; a user's folders are protected by their access lists there.
 
 

@@ -28,7 +28,7 @@ def is_number(value: Any) -> TypeGuard[float]:
 def check_whole(
     value: Any, where: str, least: int, most: int | None = None, problem: str = "out of range", hint: str = ""
 ) -> int:
-    """Return a whole number from `least` to `most`; raises InvalidValueError, naming what is allowed."""
+    """Return a whole number from `least` to `most`; raises InvalidValueError, naming the range."""
     if is_whole(value) and least <= value and (most is None or value <= most):
         return int(value)
     upper = "on" if most is None else f"to {most}"
@@ -52,7 +52,7 @@ def check_positive(value: Any, where: str, unit: str = "") -> float:
 
 
 def check_instance(value: Any, kinds: type | tuple[type, ...], where: str, allowed: str) -> None:
-    """Raise InvalidValueError for a value of another type; allowed: what makes such a value."""
+    """Raise InvalidValueError for a value of another type; allowed: valid values."""
     if not isinstance(value, kinds):
         raise InvalidValueError("wrong type", where=where, given=type(value).__name__, allowed=allowed)
 
@@ -79,7 +79,7 @@ def check_callback(value: Any, where: str) -> None:
 
 
 def check_names(value: Any, where: str) -> tuple[str, ...]:
-    """Return names as a tuple, also a single one; raises InvalidValueError for what is no list of texts."""
+    """Return names as a tuple, also a single one; raises InvalidValueError for another value."""
     listed = isinstance(value, Iterable) and getattr(value, "ndim", 1) == 1
     names: list[str] = []
     for name in (value,) if isinstance(value, str) else value if listed else (None,):

@@ -1,6 +1,6 @@
 """Errors: one base class, one subclass a fault.
 
-Every message says what was given, what is allowed, where, and what to try. The class attribute
+Every message names the given value, the allowed ones, their location, and a remedy. The class attribute
 `exit_code` is the code that the command line ends with (2 bad input, 3 no convergence or unstable).
 """
 
@@ -21,9 +21,9 @@ class TensegrityError(Exception):
     given : object
         The wrong value.
     allowed : str
-        What would be accepted.
+        The values that are allowed.
     hint : str
-        What to try.
+        A remedy to try.
 
     Examples
     --------
@@ -95,7 +95,7 @@ class InvalidValueError(SceneError):
 
 
 class NonFiniteError(InvalidValueError):
-    """A NaN or an infinity where a finite number is needed."""
+    """A NaN or an infinity in place of a finite number."""
 
 
 class StructureError(SceneError):
@@ -134,7 +134,7 @@ class MissingExtraError(TensegrityError):
 
 
 class MissingSourceError(TensegrityError):
-    """Source text of another project that is needed here and cannot be had, or is not what it should be."""
+    """Source text of another project that is needed here and cannot be had, or has other content."""
 
 
 class CompilerMissingError(TensegrityError):
@@ -157,7 +157,7 @@ class CompileError(TensegrityError):
 
 
 class LibraryError(TensegrityError):
-    """A compiled library that is missing, broken, or not what its manifest says."""
+    """A compiled library that is missing, broken, or differs from its manifest."""
 
 
 class AbiMismatchError(LibraryError):
@@ -256,7 +256,7 @@ def escape_controls(text: str) -> str:
 
 
 def describe_reason(error: BaseException) -> str:
-    """Return what the system or Python says of an error, without the number of the system's error."""
+    """Return the message of the system or Python, without the number of the system's error."""
     return getattr(error, "strerror", None) or str(error) or type(error).__name__
 
 

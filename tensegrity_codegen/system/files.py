@@ -1,4 +1,4 @@
-"""Writing of files, whole or not at all, which replaces files only where that is asked for."""
+"""Writing of files, whole or not at all, which replaces files only on request."""
 
 import math
 import os
@@ -34,7 +34,7 @@ def check_ending(path: str | Path, *allowed: str) -> None:
 
 
 def find_kind(path: str | Path) -> str:
-    """Return what a path leads to that is no regular file ("a pipe"), "" for a file or nothing at all."""
+    """Return the kind of a path that is no regular file ("a pipe"), "" for a file or nothing at all."""
     try:
         mode = Path(path).stat().st_mode
     except (OSError, ValueError):
@@ -116,7 +116,7 @@ def plain(value: Any) -> Any:
         return float(value) if math.isfinite(value) else None
     if isinstance(value, str | int) or value is None:
         return value
-    import numpy as np  # loaded already, where there is such a value
+    import numpy as np  # loaded already, if there is such a value
 
     return plain(value.tolist()) if isinstance(value, np.ndarray | np.generic) else value
 

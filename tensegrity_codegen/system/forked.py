@@ -25,7 +25,7 @@ LOOK = 0.5  # seconds between two looks at the clock
 
 @dataclass(frozen=True)
 class Piece(Generic[Result]):
-    """The result of one item by its index; without one, `problem` says what became of its process."""
+    """The result of one item by its index; without one, `problem` tells how its process ended."""
 
     index: int
     result: Result | None
@@ -52,9 +52,9 @@ def run_pieces(
 ) -> Generator[Piece[Result], None, None]:
     """Yield the result of every item as it ends, in any order.
 
-    At the deadline (of time.monotonic) what still runs is ended, and what is not done is not yielded. Where
+    At the deadline (of time.monotonic) running items are ended, and unfinished ones are not yielded. Where
     the caller stops, by an exception or Ctrl-C, all processes are ended too. `look` is called about twice a
-    second. Where the system cannot fork, items run one after the other in this process.
+    second. If the system cannot fork, items run one after the other in this process.
     """
     if not can_fork():
         yield from _run_here(work, items, deadline)
@@ -108,7 +108,7 @@ def _start(work: Callable[[Item], Result], item: Item) -> tuple[Connection, Any]
 
 @contextmanager
 def deferred_signals() -> Iterator[None]:
-    """Let handlers of signals wait until the block has ended; Python drops what they raise within a fork."""
+    """Let handlers of signals wait until the block has ended; Python drops their exceptions within a fork."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -73,14 +73,14 @@ Record = TypeVar("Record")
 class Journal:
     """A file of named results that belong to a key.
 
-    The key says what a result depends on: code, scene, options, machine. Results under another key are not
-    used. A line that is cut off, as the last one after `kill -9`, or whose checksum is wrong is not used
-    either: what it held is computed again.
+    The key is a hash of all that a result depends on: code, scene, options, machine. Results under
+    another key are not used. A line that is cut off, as the last one after `kill -9`, or whose checksum is
+    wrong is not used either: those results are computed again.
 
     path: the file, made when the first result is kept; None keeps results in memory only.
-    key: what the results belong to.
+    key: of the results.
     fresh: whether to remove the results that belong to the key.
-    notice: called with what is taken from an earlier run.
+    notice: called with the results of an earlier run.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Writing folders of files: all of them or none, and replacing files only where that is asked for.
+"""Writing folders of files: all of them or none, and replacing files only on request.
 
 A folder of a library or controller has a list of its files, SHA256SUMS: those that are as the list says are
 replaced without being asked for.

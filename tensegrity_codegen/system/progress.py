@@ -15,7 +15,7 @@ def part_of(progress: ProgressFunction | None, start: float, share: float) -> Pr
     return lambda fraction: progress(start + share * fraction)
 
 
-# Passes of long work, reported while they run to what shows progress, if there is anything.
+# Passes of long work, reported to the display of progress, if there is one.
 #
 # Code that generates, compiles or integrates does not know who called it. It reports here; the command line
 # watches. Without a watcher a report costs one look at a context variable.
@@ -25,12 +25,12 @@ GENERATING, COMPILING, SETTLING = "generating C", "compiling", "finding the equi
 
 
 class PassWatcher(Protocol):
-    """What is called as passes begin and end; passes may be nested. title: of what runs, as it is shown."""
+    """Callbacks as passes begin and end; passes may be nested. title: of the running pass, as shown."""
 
     title: str
 
     def begin(self, title: str) -> Callable[[float], None]:
-        """Note that a pass begins; return what is called with the fraction of it that is done, 0 to 1."""
+        """Note that a pass begins; return the callback for the fraction of it that is done, 0 to 1."""
 
     def end(self) -> None:
         """Note that the innermost pass has ended."""
@@ -51,7 +51,7 @@ def watched_passes(watcher: PassWatcher) -> Iterator[None]:
 
 
 def describe_pass(text: str) -> None:
-    """Report what is being done, with its count, in work of which no part is known to be done."""
+    """Report the current work, with its count, in work of which no part is known to be done."""
     watcher = _watcher.get()
     if watcher is not None:
         watcher.title = text
@@ -59,7 +59,7 @@ def describe_pass(text: str) -> None:
 
 @contextmanager
 def work_pass(title: str) -> Iterator[Callable[[float], None]]:
-    """Report that a pass runs within the block; yield what is called with the fraction of it that is done."""
+    """Report that a pass runs within the block; yield the callback for the fraction of it that is done."""
     watcher = _watcher.get()
     if watcher is None:
         yield lambda fraction: None

@@ -55,7 +55,7 @@ def count_names(names: Sequence[str]) -> str:
 
 
 def describe_count(count: int, word: str, plural: str = "") -> str:
-    """Return a number of things in words: "1 bar", "3,000 bars"; plural: where it is not word + "s"."""
+    """Return a number of things in words: "1 bar", "3,000 bars"; plural: if it differs from word + "s"."""
     return f"{count:,} {word if count == 1 else plural or word + 's'}"
 
 
@@ -96,7 +96,7 @@ def _cut(line: str) -> str:
 
 
 class _Named(Protocol):
-    """What has nodes with positions and members with tensions; `...` stands for samples and motions."""
+    """A record of nodes with positions and members with tensions; `...` stands for samples and motions."""
 
     @property
     def node_name(self) -> tuple[str, ...]: ...

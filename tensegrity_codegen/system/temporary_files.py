@@ -39,7 +39,7 @@ def withdraw(path: Path) -> None:
 
 
 def announce_advice(text: str) -> None:
-    """Say what the user is told if this process has to be killed, such as how to go on; "" for nothing."""
+    """Set the message to the user if this process has to be killed, such as how to go on; "" for nothing."""
     _write(b"?", text)
 
 
@@ -134,7 +134,7 @@ def _is_in_use(item: os.DirEntry[str], process: int) -> bool:
 
 @cache
 def _name_machine() -> str:
-    """Return what tells apart the processes of machines and containers that share a folder."""
+    """Return a name that tells apart the processes of machines and containers that share a folder."""
     space = ""
     with suppress(OSError):
         space = str(Path("/proc/self/ns/pid").readlink())

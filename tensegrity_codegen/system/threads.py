@@ -1,4 +1,4 @@
-"""Number of threads of linear algebra: one where small matrices or many workers use the cores better."""
+"""Number of threads of linear algebra: one if small matrices or many workers use the cores better."""
 
 import ctypes
 import itertools
@@ -34,7 +34,7 @@ def limit_threads() -> None:
 
 
 def _find_loaded() -> list[str]:
-    """Return the libraries of linear algebra in this process; none where the system does not list them."""
+    """Return the libraries of linear algebra in this process; none if the system does not list them."""
     try:
         lines = Path("/proc/self/maps").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:

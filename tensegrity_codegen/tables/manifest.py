@@ -28,10 +28,10 @@ STATUS = (
     *("unsupported_machine", "too_many_events"),
 )
 
-# What a solver returns besides, from the number after those on.
+# Further results of a solver, from the number after those on.
 SOLVER_STATUS = ("not_converged", "unstable", "branch_lost")
 
-# What each status means: texts of the header, and of the C function NAME_status_text.
+# The meaning of each status: texts of the header, and of the C function NAME_status_text.
 STATUS_TEXT = {
     "ok": "the results are there",
     "non_finite_input": "an argument holds a NAN or an infinity",
@@ -66,13 +66,13 @@ EVENT_KINDS = {
 JUMP_KINDS = ("cable", "switch", "collision", "ground", "stick", "yield", "motor", "ring")
 
 # Kinds that set internal states, see structure/memory.py, and the word that the names of these end with.
-VISCOUS_WORK = "viscous_work"  # internal state: minus what viscous members have taken [J]
+VISCOUS_WORK = "viscous_work"  # internal state: minus the energy that viscous members have taken [J]
 SET_STATES = {"stick": "slips", "yield": "yields"}
 
 SLID_END = "_slid"  # of the names of internal states of rings with friction, behind the strand before it
 MOTOR_END = "_motor"  # of the names of internal states of actuators with a time constant
 
-# Fields of a manifest that stand in its file only where they hold something.
+# Fields of a manifest that stand in its file only if they hold something.
 ONLY_IF_ANY = ("internal_name", "contact_name", "column_name", "ring_nodes", "adjoint_work", "tape_row")
 
 
@@ -182,7 +182,7 @@ class SolverSpec:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """One thing that the scene does not need: why, and what leaving it out saved.
+    """One thing that the scene does not need: why, and the effort that its omission saved.
 
     object_bytes is an estimate from the operations in the text unless `measured`: in loops over tables code
     does not grow with the structure, and the tables are not counted.
@@ -235,7 +235,7 @@ class Manifest:
         tuple[str, str], ...
     ] = ()  # names of the two bars, where a wanted quantity runs over pairs
     solvers: tuple[SolverSpec, ...] = ()
-    instruction_sets: tuple[str, ...] = ()  # what native code needs beyond the baseline of its architecture
+    instruction_sets: tuple[str, ...] = ()  # of native code, beyond the baseline of its architecture
     batch_width: int = 0
     rigid_bar: tuple[str, ...] = ()  # members that keep constant lengths, in the order of their multipliers
     interfaces: tuple[str, ...] = ()  # ways to call the library besides its C functions: "casadi"
@@ -287,7 +287,7 @@ class Manifest:
 
     @cached_property
     def column_scale(self) -> tuple[float, ...]:
-        """What derivatives of a motion are times in the library: sizes of parameters; 1 for directions."""
+        """The factors of derivatives of a motion in the library: sizes of parameters; 1 for directions."""
         count = len(self.column_name)
         rows = [argument.nominal for argument in self.arguments if argument.name in OF_COLUMNS]
         largest = np.abs(np.concatenate([np.zeros(count), *rows]).reshape(-1, count)).max(axis=0)
@@ -316,7 +316,7 @@ class Manifest:
         return self.has_contacts or bool(self.internal_name)
 
     def subjects_of(self, kind: str) -> tuple[str, ...]:
-        """Return what each internal state that events of this kind set is of, in their order."""
+        """Return the owner of each internal state that events of this kind set, in their order."""
         end = f"_{SET_STATES[kind]}"
         return tuple(name.removesuffix(end) for name in self.internal_name if name.endswith(end))
 
@@ -350,7 +350,7 @@ class Manifest:
 
     @classmethod
     def read(cls, path: Path) -> "Manifest":
-        """Read a manifest file; raises what from_json raises, LibraryError if there is none."""
+        """Read a manifest file; raises as from_json, LibraryError if there is none."""
         try:
             content = path.read_text(encoding="utf-8")
         except OSError as error:

@@ -96,16 +96,16 @@ class ModelRequest:
     batch_width : int
         Number of evaluations that batch functions process together; 0: no batch functions.
     keep : tuple of str
-        What integrators can keep constant: ``"energy"``.
+        The quantities that integrators can keep constant: ``"energy"``.
     interfaces : tuple of str
         Interfaces besides the C functions: ``"casadi"``, with first derivatives, or ``"casadi_hessian"``,
         with second derivatives too; ``"acados"``, for acados.
     driven : tuple of str
-        What profiles can change without inputs, too: ``"pull"``, a spring and a damper between one node and
-        a point.
+        Things that profiles can change without inputs, too: ``"pull"``, a spring and a damper between one
+        node and a point.
     columns : tuple of str
-        What motions are differentiated to while they are integrated: run-time parameters by their names in
-        `parameters`, ``"input"``; ``"coordinate"`` and ``"velocity"``, at the start.
+        The parameters by which motions are differentiated while they are integrated: run-time parameters by
+        their names in `parameters`, ``"input"``; ``"coordinate"`` and ``"velocity"``, at the start.
     directions : tuple of str
         Names of derivatives of motions in place of `columns`: each along a direction of all run-time
         parameters, inputs and starts, which the arguments ``"direction"`` and ``"column"`` of a motion say.

@@ -15,16 +15,16 @@ WASM_STACK = 2**20  # bytes; batch functions use up to 200 kB
 
 @dataclass(frozen=True)
 class Target:
-    """A machine to compile for, and what it takes to make a library there.
+    """A machine to compile for, and the requirements of a library for it.
 
     name: its name on the command line and in manifests; empty for the machine that compiles.
-    kind: what is made: ``"shared library"``, ``"WebAssembly module"`` or ``"static library"``.
+    kind: of the product: ``"shared library"``, ``"WebAssembly module"`` or ``"static library"``.
     shared, position: options to link a library, and to compile code that can be loaded anywhere.
     prefix, suffix: beginning and ending of the file name of a library.
     libraries: libraries to link.
     options: options of zig that choose the machine.
-    binary: what `describe_binary` says of its libraries.
-    wheel_tag: platform tag of wheels; empty where Python packages cannot hold such a library.
+    binary: the result of `describe_binary` for its libraries.
+    wheel_tag: platform tag of wheels; empty if Python packages cannot hold such a library.
     """
 
     name: str
@@ -52,7 +52,7 @@ SYSTEMS = {
     "win32": Target("", SHARED, ("-shared",), (), "", ".dll", ("-lm",)),
 }
 
-# -s: without names that only debuggers need, for what is linked from zig's C libraries.
+# -s: without names that only debuggers need, for functions linked from zig's C libraries.
 LINUX = replace(SYSTEMS["linux"], shared=("-shared", "-s"))
 MACOS = replace(SYSTEMS["darwin"], shared=("-dynamiclib", "-s"))
 WINDOWS = replace(SYSTEMS["win32"], shared=("-shared", "-s"))

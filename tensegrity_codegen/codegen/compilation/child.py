@@ -20,7 +20,7 @@ class ChildOutcome:
     """How a command ended.
 
     ended: "exit" | "signal" | "time" (stopped at the time limit); number: exit status or signal; log: both
-    output streams; seconds: wall time; peak_memory: largest resident set [byte], None where unknown.
+    output streams; seconds: wall time; peak_memory: largest resident set [byte], None if unknown.
     """
 
     ended: str
@@ -149,7 +149,7 @@ def _collect(running: dict[int, _Supervised], outcomes: dict[int, ChildOutcome])
 def _run_alone(
     command: list[str], folder: Path, environment: dict[str, str], timeout: float, memory_limit: int | None
 ) -> ChildOutcome:
-    """Run directly, where there is no fork: time limit only."""
+    """Run directly, if there is no fork: time limit only."""
     started = time.monotonic()
     with (
         tempfile.TemporaryFile() as log,

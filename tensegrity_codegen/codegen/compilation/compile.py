@@ -146,7 +146,7 @@ class CompiledArtifact:
 
     file_name: as library_file_name gives it; library: its bytes; log: all that the compiler wrote; command:
     what made the library, the last one run, with file names relative to its folder; seconds: wall
-    time of all runs [s]; peak_memory: largest resident set of one run [byte], None where unknown.
+    time of all runs [s]; peak_memory: largest resident set of one run [byte], None if unknown.
     """
 
     file_name: str

@@ -15,7 +15,7 @@ from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.request import ModelRequest
 
-# Fields of a structure and a request that count only where they hold something.
+# Fields of a structure and a request that count only if they hold something.
 ONLY_IF_ANY = (
     *("law_parameter", "inner_radius", "driven", "ground", "collision", "columns", "directions"),
     *("gain", "ring_nodes", "sliding"),

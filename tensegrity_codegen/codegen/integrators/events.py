@@ -90,7 +90,7 @@ def event_memory(kinds: Sequence[str], functions: Iterable[FunctionSpec], sizes:
 def choose_events(request: ModelRequest, subject: Any) -> tuple[str, ...]:
     """Return the kinds of events that a request which names none gets: jumps of stiffness, and a condition.
 
-    subject: the structure or body system. None where no stiffness jumps, or that of more than MAX_WATCHED
+    subject: the structure or body system. None if no stiffness jumps, or that of more than MAX_WATCHED
     members does: each event ends a step, and thousands of cables leave no time in between.
     """
     counts = {"cable": int(subject.tension_only.sum()), "switch": int(subject.has_switch.sum())}

@@ -37,7 +37,7 @@ from tensegrity_codegen.tables.tableaus.tableau import Row, Tableau
 # Functions of redundant coordinates that bring a state back onto their constraints; integrators call them.
 PROJECTION = ("consistent_coordinate", "consistent_velocity")
 SETTLING = "settled_internal"  # what internal states become at events
-# Where coordinates are not those of nodes, a pull needs these.
+# If coordinates are not those of nodes, a pull needs these.
 OF_NODES = ("node_position", "node_velocity")
 
 

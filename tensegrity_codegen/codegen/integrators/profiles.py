@@ -21,7 +21,7 @@ def find_driven(
 ) -> tuple[str, ...]:
     """Return the arguments that profiles can change, in the order of C signatures, and the pull if requested.
 
-    None where no function that a motion follows depends on inputs, and no pull is requested: such a library
+    None if no function that a motion follows depends on inputs, and no pull is requested: such a library
     holds nothing for profiles.
     """
     loads = len(request.parameters.get("node_load", ()))
@@ -70,7 +70,7 @@ def list_derivative_quantities(arguments: Container[str]) -> tuple[str, ...]:
 
 
 def check_jumps(subject: Any, request: ModelRequest, events: Sequence[str]) -> None:
-    """Raise FormulationError where derivatives would miss jumps of forces, since no event finds them."""
+    """Raise FormulationError if derivatives would miss jumps of forces, since no event finds them."""
     if not request.differentiates_motions or "cable" in events:
         return
     if jumping := list_jumping(subject, request):

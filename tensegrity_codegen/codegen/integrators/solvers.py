@@ -95,7 +95,7 @@ def _needed(functions: tuple[FunctionSpec, ...]) -> dict[str, FunctionSpec]:
 def _find_tension(
     functions: tuple[FunctionSpec, ...], passed: tuple[str, ...], frame: Any
 ) -> FunctionSpec | None:
-    """Return the function for tensions of members between two nodes, None where steps cannot damp members."""
+    """Return the function for tensions of members between two nodes, None if steps cannot damp members."""
     is_plain = bool(frame.coordinate_node_axis) and not frame.ring_nodes
     tension = next((function for function in functions if function.quantity == TENSION), None)
     available = {"coordinate", *AT_REST, *passed}

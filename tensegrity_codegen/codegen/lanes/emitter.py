@@ -51,7 +51,7 @@ class _Run:
 def write_columns(
     model: NodePosition, sparsity: ca.Sparsity, result: str, lane_of_member: Mapping[int, tuple[int, int]]
 ) -> list[str] | None:
-    """Return the statements; None where the rows of a node are not x, x and y, or x, y and z in a row.
+    """Return the statements; None if the rows of a node are not x, x and y, or x, y and z in a row.
 
     lane_of_member: member -> (number of its four, lane), of members whose blocks stand in block0, block1, ...
     """
@@ -135,8 +135,8 @@ def _store(result: str, run: _Run, size: int, value: str, comment: str) -> list[
 
 # Checks for finite numbers by sums over members: no argument or result is looked at by itself.
 #
-# length_sum = sum of d_e . d_e, density_sum = sum of |t_e / l_e| over all members. Where both are below
-# 1e200, each force on a node is the external one and at most 1e200 times 1e100. Where a coordinate is not
+# length_sum = sum of d_e . d_e, density_sum = sum of |t_e / l_e| over all members. If both are below
+# 1e200, each force on a node is the external one and at most 1e200 times 1e100. If a coordinate is not
 # finite, length_sum is not either.
 MAX_SUM = "1e200"  # of length_sum and density_sum
 MAX_EXTERNAL_FORCE = 1e290  # N
@@ -156,7 +156,7 @@ def can_check_by_sums(model: NodePosition, arguments: Sequence[str]) -> bool:
 # C statements of stiffness matrices: blocks of four members at a time, then sums of their columns.
 
 
-# Where the sizes of all entries sum up to less, no sum of some of them overflows: the matrix is finite.
+# If the sizes of all entries sum up to less, no sum of some of them overflows: the matrix is finite.
 MAX_BLOCK_SUM = "1e300"
 BLOCK_ENTRIES = 6  # entries of the upper triangle of a block, row by row
 

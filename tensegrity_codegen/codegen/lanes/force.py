@@ -111,7 +111,7 @@ class ForceLines:
             "damping": [ca.SX(0.0)] * self.structure.n_members if self.is_static else list(values.damping),
             **{name: list(parameters) for name, parameters in values.law_parameter.items()},
         }
-        # mu = k + EA / rho stands for both where it is a number.
+        # mu = k + EA / rho stands for both if it is a number.
         for e in range(self.structure.n_members):
             stiffness = [
                 self.values[name][e] for name in ("spring_constant", "axial_stiffness", "rest_length")

@@ -27,7 +27,7 @@ INCLUDE = re.compile(r'^#include "[^"]*"\n', re.MULTILINE)
 CONDITION = re.compile(r"#if (!?)((?:WITH|METHOD)_\w+)")
 NUMBER = re.compile(r"\(real\)(\d[\d.]*(?:e[+-]?\d+)?)")
 
-# Sizes of a state and of what is kept of one, where it consists of coordinates and velocities alone.
+# Sizes of a state and of what is kept of one, if it consists of coordinates and velocities alone.
 WITHOUT_INTERNAL = {
     "N_OLD + 2 * N_STATES + N + N_STATES * METHOD_DENSE": "(8 + 2 * METHOD_DENSE) * N",
     "N_OLD + 2 * N_STATES + N": "8 * N",
@@ -194,7 +194,7 @@ def _enumerate(names: Iterable[str], prefix: str) -> str:
 LONGEST = 120  # characters in a line of generated C
 INDENT = "    "
 
-# Where a statement can go on in the next line: behind a comma or an opening bracket, before an operator.
+# Line breaks are possible behind a comma or an opening bracket, before an operator.
 BREAK = re.compile(r"(?<=, )|(?<=\()(?=[\w(*&-])| (?=[-+*/<>?:|&=!]{1,2} )")
 TRAILING = re.compile(r" +(?=\n)")
 STRING = re.compile(r'"(?:[^"\\]|\\.)*"|/\*.*?\*/')

@@ -90,7 +90,7 @@ class InputColumns(ColumnPattern):
         return np.unique(np.concatenate([self.pushed[0], keys]))
 
     def entry(self, coordinate: IntArray, number: IntArray) -> IntArray:
-        """Return the entries at coordinates (n, ...) and inputs (n,), -1 where a coordinate is held."""
+        """Return the entries at coordinates (n, ...) and inputs (n,), -1 if a coordinate is held."""
         return self.at(coordinate, number.reshape(-1, *(1,) * (coordinate.ndim - 1)))
 
 

@@ -58,7 +58,7 @@ class ContactLoop:
     """The loop over contacts that calls their kernel; the result goes to `target`.
 
     quantity: one of RESULTS; index: (n_nodes, n_axes) entries of `target` that forces on nodes are added to,
-    None where each contact stores its results, from entry `start` on, or adds its energy to a variable.
+    None if each contact stores its results, from entry `start` on, or adds its energy to a variable.
     """
 
     model: TableModel
@@ -216,7 +216,7 @@ def node_builders() -> dict[str, Callable[[TableModel], Recipe]]:
 
 
 def _find_sign(quantity: NodeQuantity) -> int:
-    """Return 1 or -1 where the quantity is the force that it uses, or its negative; else 0."""
+    """Return 1 or -1 if the quantity is the force that it uses, or its negative; else 0."""
     force = [ca.SX.sym(name) for name in "xyz"]
     entries = [
         ca.SX(component) for component in quantity.entries(SimpleNamespace(**{quantity.uses[0]: force}))

@@ -265,7 +265,7 @@ def name_distribution(scene: str) -> str:
 
 
 def check_wheel(target: Target, scene: str, where: str = "target") -> None:
-    """Raise FormulationError, naming `where`, or InvalidNameError where there cannot be a wheel."""
+    """Raise FormulationError, naming `where`, or InvalidNameError if there cannot be a wheel."""
     name_package(scene)
     if target.name and not target.wheel_tag:
         raise FormulationError(

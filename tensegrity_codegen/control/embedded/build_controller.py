@@ -90,7 +90,7 @@ def build_controller(
     distribution : TensionDistribution, optional
         Keeps tensions above the least ones.
     out : str or Path
-        Folder, made where it does not exist.
+        Folder, made if it does not exist.
     sample : float, optional [s]
         Time between two steps; by default that of the gains, 0.005 s without.
     limits : ActuatorLimits, optional

@@ -160,7 +160,7 @@ def _write_code(
     watch: int,
     types: str,
 ) -> dict[str, Any]:
-    """Return what the template of the code needs besides names."""
+    """Return the values of the template besides names."""
     load = next((argument for argument in plant.arguments if argument.name == NODE_LOAD), None)
     # A function is a field of plant_functions here, and its arguments are fields of plant_arguments.
     fields = {
@@ -280,7 +280,7 @@ class CompiledLoop:
     def _prepare(
         self, draw: LoopStart, count: int, simulated: ActuatorBounds
     ) -> tuple[dict[str, NDArray[Any]], list[Any], Any]:
-        """Return the arrays that are filled, what must stay alive, and the struct of a draw."""
+        """Return the arrays that are filled, objects that must stay alive, and the struct of a draw."""
         manifest, ffi, sample = self.model.manifest, self._ffi, self.parts.sample
         n, bounds = len(manifest.coordinate_name), self.parts.bounds
         # Actuators as fast as the controller believes, or faster, reach each command when it arrives.
@@ -288,7 +288,7 @@ class CompiledLoop:
         arrivals, arrival = np.unique([0.0, *offset], return_inverse=True)
         is_slow, before = simulated.rate < bounds.rate, int(back.max(initial=0))
         start = self.parts.motion.at(0.0).input[bounds.place]
-        # What the loop fills.
+        # The results of the loop.
         filled: dict[str, NDArray[Any]] = {
             "state": np.zeros((count + 1, 2 * n + manifest.n_internal)),
             "tension": np.zeros((count + 1, len(manifest.member_name))),
@@ -300,7 +300,7 @@ class CompiledLoop:
         }
         if self.parts.distribution is not None:
             filled["yields"] = np.zeros((count, len(self.parts.distribution.cables.driven)), dtype=np.intc)
-        # What it reads, and its memory for work.
+        # Its inputs, and its memory for work.
         time, load = _tabulate_loads(self.model, draw)
         largest = max((int(np.prod(function.shape)) for function in manifest.functions), default=1)
         memory = {

@@ -2,7 +2,7 @@
 
 Of the source archive only the solver of least-distance programs is used: daqp.c, auxiliary.c, factorization.c
 and their headers. `quadratic_program.h` and `mpc_program.h` in `templates/c/control/` make such programs.
-The archive is a file of the user, the copy in the cache, or what pip downloads; it is verified.
+The archive is a file of the user, the copy in the cache, or a download by pip; it is verified.
 """
 
 import io
@@ -49,7 +49,7 @@ DOUBLE = re.compile(r"(?<![\w.])(\d+\.\d*(?:e[+-]?\d+)?|\d+e[+-]?\d+)(?![\w.])")
 # What no program of a controller has: binary constraints and levels of priority; and what some have.
 ABSENT = ("DAQP_IS_BINARY(x)", "DAQP_IS_HIERARCHICAL(work)")
 SOFT_CONSTRAINTS = ("DAQP_IS_SOFT(x)", "DAQP_HAS_L1(work)")
-# What is added: a limit of the active constraints, which rounding can make more than their memory holds.
+# Added: a limit of the active constraints, which rounding can make more than their memory holds.
 LIMITED = {
     "int iter_limit;": "int iter_limit, most_active;",
     "iter < work->settings->iter_limit;": "iter < work->settings->iter_limit"

@@ -41,7 +41,7 @@ class ControllerDescription:
     actuators, coordinates, sensors, inputs : tuple of str
         Names, in the order of the arrays.
     statuses : tuple of str
-        What steps return, by its number.
+        The status that steps return, by its number.
     table_bytes : int
         Memory of the constant tables.
     library : str
@@ -172,11 +172,11 @@ class LoadedController:
         return self._step("step_state", (time,), state, 2 * len(self.description.coordinates), "state")
 
     def next(self, measured: ArrayLike | None) -> tuple[str, FloatArray]:
-        """Return what `step` does, one sample after the last step."""
+        """Return the result of `step`, one sample after the last step."""
         return self._step("next", (), measured, len(self.description.sensors), "measured")
 
     def next_state(self, state: ArrayLike | None) -> tuple[str, FloatArray]:
-        """Return what `step_state` does, one sample after the last step."""
+        """Return the result of `step_state`, one sample after the last step."""
         return self._step("next_state", (), state, 2 * len(self.description.coordinates), "state")
 
     def read(self, field: str) -> FloatArray:

@@ -42,7 +42,7 @@ from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.precision import find_precision
 from tensegrity_codegen.tables.request import ModelRequest
 
-# What the steps of a controller in C return. Word: sentence, in the order of the numbers. Simulated loops
+# Statuses of the steps of a controller in C. Word: sentence, in the order of the numbers. Simulated loops
 # have the first six and the last one.
 CONTROL_STATUS: Mapping[str, str] = {
     "ok": "the command is what feedback asks for, or gives the same forces",
@@ -125,7 +125,7 @@ def limit_iterations(stated: int | None, n_constraints: int) -> int:
 
 @dataclass(frozen=True)
 class ControllerParts:
-    """What a controller in C is made from."""
+    """The parts from which a controller in C is made."""
 
     name: str  # first word of all names in C
     subject: Subject  # the scene; its feet stick where they stand
@@ -149,7 +149,7 @@ class ControllerParts:
 
     @property
     def sensors(self) -> tuple[Sensor, ...]:
-        """What is measured."""
+        """The sensors."""
         return () if self.estimator is None else self.estimator.sensing.sensors
 
     @property
@@ -260,7 +260,7 @@ def find_quantities(parts: ControllerParts) -> tuple[str, ...]:
 
 
 def check_start(parts: ControllerParts) -> None:
-    """Raise InvalidValueError where the first command would be outside of the range of an actuator."""
+    """Raise InvalidValueError if the first command would be outside of the range of an actuator."""
     bounds = parts.bounds
     start = parts.motion.at(0.0).input[bounds.place]
     outside = (start < bounds.least - START_TOLERANCE) | (start > bounds.most + START_TOLERANCE)
@@ -294,7 +294,7 @@ def check_same_motion(distribution: TensionDistribution | None, motion: Motion) 
         )
 
 
-# What a controller is built for: a scene file or a compiled model, a motion or an equilibrium.
+# The input of `build_controller`: a scene file or a compiled model, a motion or an equilibrium.
 
 
 @dataclass(frozen=True)
@@ -333,7 +333,7 @@ def find_model_and_request(
 def find_motion(
     model: Described, motion: Motion | Equilibrium, arguments: Mapping[str, Any] | None = None
 ) -> Motion:
-    """Return the motion; an equilibrium as a motion that stays there. Raises what `build_rest` raises."""
+    """Return the motion; an equilibrium as a motion that stays there. Raises as `build_rest`."""
     merged = merge_inputs(model.manifest, arguments)
     if isinstance(motion, Motion) and not merged:
         return motion

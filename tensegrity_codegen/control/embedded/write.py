@@ -172,7 +172,7 @@ def write_controller(context: dict[str, Any]) -> dict[str, str]:
 
 
 def build_context(parts: ControllerParts, model: Manifest | None, precision: Precision) -> dict[str, Any]:
-    """Return what the templates of a controller need; model: None where the controller calls none."""
+    """Return the values of the templates of a controller; model: None if the controller calls none."""
     measured = find_measured(parts.sensors, parts.manifest)
     calls = write_calls(model, measured, precision)
     name, tensions, predicted = precision.name, None, None
@@ -267,7 +267,7 @@ def find_sizes(parts: ControllerParts, calls: Calls) -> dict[str, int]:
 
 
 def find_names(parts: ControllerParts) -> dict[str, tuple[str, ...]]:
-    """Return the names that a controller can tell, by what they are of."""
+    """Return the names that a controller can tell, by the kinds of their owners."""
     states = name_moving_states(parts.manifest)
     return {
         "actuator": parts.bounds.names,
@@ -304,7 +304,7 @@ class ControllerFiles:
 
 
 def write_files(parts: ControllerParts, request: ModelRequest, precision: Precision) -> ControllerFiles:
-    """Return the files of a controller and of its model, which has only what the controller calls."""
+    """Return the files of a controller and of its model, with only the functions that it calls."""
     source, quantities = None, find_quantities(parts)
     if quantities:
         source = emit(replace(parts.subject, name=parts.model_name), replace(request, quantities=quantities))

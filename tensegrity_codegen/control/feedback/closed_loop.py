@@ -46,11 +46,11 @@ MOVED_TO_DISTURBANCE = {
     field.name: f"disturbance=Disturbance({field.name}=...)" for field in fields(Disturbance)
 }
 
-COMMAND_ROUNDING = 1e-12  # [m], by which a command may differ from what was wanted
+COMMAND_ROUNDING = 1e-12  # [m], by which a command may differ from the requested one
 OUTLIER_BOUND = 6.0  # standard deviations, up to which measurements may differ from their predictions
 FIRST_INNOVATION = 100.0  # recent largest difference, which is not known at the start
 INNOVATION_DECAY = 0.7  # of it from sample to sample
-MAX_DOUBLINGS = 30  # of what is accepted after outliers, at most
+MAX_DOUBLINGS = 30  # of the accepted deviation after outliers, at most
 
 
 class Controller:
@@ -104,12 +104,12 @@ class Controller:
         return self.command, "outlier"
 
     def _remember(self, change: FloatArray) -> None:
-        """Take what a command differs from the motion by, (n_actuators,) [m], among those on their way."""
+        """Append the difference of a command from the motion, (n_actuators,) [m], to those on their way."""
         if len(self.past):
             self.past = self.shift @ self.past + self.enter @ change
 
     def find_wanted(self, k: int, state: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return what the gains ask of the actuators [m], and the error of the state."""
+        """Return the change of the command by the gains [m], and the error of the state."""
         now = self.motion.at(k * self.sample)
         requested = self.find_planned(k)
         error = state - np.concatenate([now.coordinate, now.velocity])
@@ -153,7 +153,7 @@ class Filter:
 
     model: the model that the estimator knows.
     motion: whose start is the first prediction, without disturbances.
-    arguments: run-time parameters where they differ from the scene.
+    arguments: run-time parameters if they differ from the scene.
     is_outlier: whether the last measurements were too far from their predictions, and were not used: further
         than six standard deviations, or twice what was accepted lately, or twice as far again after each
         outlier.
@@ -305,7 +305,7 @@ def simulate_control(
     reference = motion if isinstance(motion, Motion) else build_rest(model, motion, held, arguments)
     check_motion(model, reference)
     check_parts(model.manifest, reference, gains, estimator, distribution)
-    # What is simulated: plant, controller, estimator.
+    # The simulated parts: plant, controller, estimator.
     step = find_sample(gains, estimator, sample)
     bounds = find_bounds(model, reference, limits)
     count = count_samples(reference.duration if t_end is None else t_end, step)
@@ -358,7 +358,7 @@ class _Loop:
         noise, n = np.random.default_rng(self.seed), len(self.model.manifest.coordinate_name)
         for k in range(count):
             try:
-                # The controller acts on what it knows.
+                # The controller acts on the estimated state.
                 estimate = self._estimate(k * step, states[-1], value, noise)
                 if self.senses is not None and self.senses.is_outlier:
                     command, status = self.controller.hold(k)

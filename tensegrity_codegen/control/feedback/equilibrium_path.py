@@ -140,7 +140,7 @@ def _read_progress(value: ArrayLike | None, moved: FloatArray, change: FloatArra
 
 
 def _check_point(plan_model: PlanModel, k: int, change: FloatArray, coordinate: FloatArray) -> PlanPoint:
-    """Return the equilibrium at given coordinates; raises InvalidValueError where they are none."""
+    """Return the equilibrium at given coordinates; raises InvalidValueError if they are none."""
     problem = plan_model.problem(change)
     point = problem.find_point(coordinate)
     longest = 1.0 if point is None else point.longest
@@ -170,7 +170,7 @@ def _follow_inputs(plan_model: PlanModel, change: FloatArray, progress: ArrayLik
         while now < 1.0:
             fraction = min(fraction, 1.0 - now)
             next_change = change[k + 1] if now + fraction >= 1.0 else change[k] + (now + fraction) * step
-            # The stable equilibrium near the last one, by shorter steps where there is none.
+            # The stable equilibrium near the last one, by shorter steps if there is none.
             reach = STEP_REACH * points[-1].point.longest
             equilibrium = plan_model.find_point(next_change, points[-1].coordinate, reach)
             if equilibrium is None or (len(equilibrium.eigenvalue) and not equilibrium.eigenvalue[0] > 0):

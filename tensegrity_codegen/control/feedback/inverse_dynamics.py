@@ -37,7 +37,7 @@ RESIDUAL_TOLERANCE = 1e-6  # of the largest tension: residual that counts as non
 
 @dataclass(frozen=True)
 class Drive:
-    """What drives the motion at one time.
+    """The inputs and tensions that drive the motion at one time.
 
     change (n_actuators,) [m]: inputs; tension (n_members,) [N]; residual (n_coordinates,) [N]: force that is
     missing, coordinates of bodies scaled to metres; bounded (n_actuators,): at a bound of tension or range.
@@ -95,7 +95,7 @@ class InverseDynamics:
         q, v, a (n_coordinates,): coordinates, velocities and accelerations.
         change (n_actuators,) [m]: inputs to begin with, at which all cables that shall pull are in tension.
         preferred (n_members,) [N]: tensions that those of actuated cables are near to, in least squares,
-            where several produce the acceleration.
+            if several produce the acceleration.
         Returns: inputs and tensions; what no inputs produce is left in the residual, in least squares.
         """
         state = self._build_state(q, v, a, change)
@@ -250,7 +250,7 @@ class Driven:
     """A motion of one duration [s].
 
     change (n_t, n_actuators) [m]; tension (n_t, n_members) [N]; residual (n_t, n_coordinates) [N], without
-    columns where it is not computed; peaks: of the rates.
+    columns if it is not computed; peaks: of the rates.
     """
 
     duration: float
@@ -261,7 +261,7 @@ class Driven:
 
 
 class Feedforward:
-    """What drives a motion, by its duration: inputs of its equilibria, which depend on the progress only."""
+    """The drive of a motion, by its duration: inputs of its equilibria, which depend on the progress only."""
 
     is_static = True
 
@@ -300,12 +300,12 @@ class _DynamicFeedforward(Feedforward):
 
 
 def build_feedforward(kind: str, plan_model: PlanModel, timing: Timing) -> Feedforward:
-    """Return the feedforward of a kind; raises FormulationError where a dynamic one lacks quantities."""
+    """Return the feedforward of a kind; raises FormulationError if a dynamic one lacks quantities."""
     return Feedforward(timing) if kind == STATIC else _DynamicFeedforward(plan_model, timing)
 
 
 def describe_residual(coordinates: tuple[str, ...], timing: Timing, driven: Driven) -> tuple[str, ...]:
-    """Return a warning where the actuators do not produce the accelerations: force, coordinate and time."""
+    """Return a warning if the actuators do not produce the accelerations: force, coordinate and time."""
     size = np.abs(driven.residual)
     largest = float(np.abs(driven.tension).max(initial=0.0))
     if size.max(initial=0.0) <= RESIDUAL_TOLERANCE * largest:

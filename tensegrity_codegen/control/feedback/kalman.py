@@ -68,7 +68,7 @@ def design_kalman(
     motion : Motion or Equilibrium
         The motion, or the equilibrium to hold.
     sensors : sequence of Sensor, optional
-        What is measured, each with its noise; by default the sensors of the scene.
+        The sensors, each with its noise; by default the sensors of the scene.
     sample : float [s]
         Time between two measurements.
     disturbance : float or array_like, shape (n_coordinates,), optional [N/sqrt(s) or N m/sqrt(s)]
@@ -82,7 +82,7 @@ def design_kalman(
     knots : int
         Number of times at which gains are computed.
     arguments : mapping, optional
-        Run-time parameters where they differ from the scene.
+        Run-time parameters if they differ from the scene.
 
     Returns
     -------
@@ -128,7 +128,7 @@ def design_kalman(
     check_motion(model, reference)
     check_still_feet(model, reference, "an estimator")
     build_sample_time(reference, sample)
-    # What is measured, which forces disturb, and how fast they change.
+    # The sensors, the disturbing forces, and how fast these change.
     sensing = find_sensing(model, sensors)
     parameters = merge_inputs(model.manifest, arguments)
     force_noise, rate_noise = _read_noise(model, reference, parameters, disturbance, acceleration_noise)

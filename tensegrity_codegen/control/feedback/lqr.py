@@ -75,7 +75,7 @@ def design_lqr(
         Delays of the actuators, by default those of the scene. The state is predicted to the arrival of each
         command with those that are on their way.
     arguments : mapping, optional
-        Run-time parameters where they differ from the scene.
+        Run-time parameters if they differ from the scene.
 
     Returns
     -------

@@ -26,7 +26,7 @@ from tensegrity_codegen.system.summaries import Summarised
 
 HORIZON = 20  # commands
 MAX_HORIZON = 200
-SOFT_WEIGHT = 100.0  # of what exceeds least tensions and ranges of coordinates, over the largest weight
+SOFT_WEIGHT = 100.0  # of the excess over least tensions and ranges of coordinates, over the largest weight
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -46,11 +46,11 @@ class Mpc(Summarised):
     cables : CableTensions
         Members that actuators pull.
     least_tension : ndarray, shape (n_members,) [N]
-        Least tensions of members that actuators pull; -infinity where there is none.
+        Least tensions of members that actuators pull; -infinity if there is none.
     coordinate_range : ndarray, shape (n_coordinates, 2)
-        Least and largest coordinates; infinite where there is none.
+        Least and largest coordinates; infinite if there is none.
     soft_weight : float
-        Weight of what exceeds least tensions and coordinate ranges, over the largest entry of Q and R.
+        Weight of the excess over least tensions and coordinate ranges, over the largest entry of Q and R.
     substeps : int
         Runge-Kutta steps in a sample.
     """
@@ -67,7 +67,7 @@ class Mpc(Summarised):
 
     @property
     def excess_weight(self) -> float:
-        """Weight of what exceeds least tensions and coordinate ranges."""
+        """Weight of the excess over least tensions and coordinate ranges."""
         return self.soft_weight * float(max(np.abs(self.Q).max(), np.abs(self.R).max()))
 
     @property
@@ -109,7 +109,7 @@ def design_mpc(
         Numbers of commands that have the same deviation from the motion, whose sum is the horizon; by default
         1, 1, 2, 4 and the rest. Fewer blocks are faster.
     integral_action : array_like or sequence of str, optional
-        What is summed, as of `design_lqr`.
+        The summed errors, as of `design_lqr`.
     least_tension : float or array_like, shape (n_members,), optional [N]
         Least tensions of the members that actuators pull, but no more than the least on the motion; by
         default those of the scene's ``[limits]``, and 0 for other cables. -infinity: none.
@@ -119,7 +119,7 @@ def design_mpc(
         Weight of a metre of rest length that misses a least tension, and of a unit beyond a coordinate's
         range, over the largest entry of Q and R.
     arguments : mapping, optional
-        Run-time parameters that the controller knows, where they differ from the scene.
+        Run-time parameters that the controller knows, if they differ from the scene.
 
     Returns
     -------
@@ -140,8 +140,8 @@ def design_mpc(
     u^T R u over the horizon, plus the cost of the linear-quadratic regulator after it, of the deviations
     from the motion. States follow the equations of motion by Runge-Kutta steps of order four with exact
     derivatives; commands on their way are known. Rates and ranges are kept exactly, least tensions and
-    coordinate ranges where it is possible, by a quadratic weight of what exceeds them at the ends of the
-    blocks. With blocks of one command, and where no limit is active, the command is that of `design_lqr`
+    coordinate ranges if it is possible, by a quadratic weight of what exceeds them at the ends of the
+    blocks. With blocks of one command, and if no limit is active, the command is that of `design_lqr`
     for a linear model.
 
     Examples

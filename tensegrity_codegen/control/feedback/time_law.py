@@ -55,7 +55,7 @@ def read_law(law: str | ArrayLike) -> TimeLaw:
     Raises UnknownNameError, InvalidValueError, NonFiniteError: another word; a table of another form, with
         times that do not rise or values that fall.
 
-    A table is interpolated by the spline of degree 5 with s' = s'' = 0 at both ends. Where this goes back
+    A table is interpolated by the spline of degree 5 with s' = s'' = 0 at both ends. If this goes back
     anywhere, by polynomials of degree 5 with s'' = 0 at all points of the table, and as s' the smaller of the
     mean slopes on both sides. With end slopes a, b <= 1 (over the mean slope of the interval) such a
     polynomial has the slope a (1 - h) + b h + 30 (1 - (a + b) / 2) x^2 (1 - x)^2 >= 0, h = 3 x^2 - 2 x^3.
@@ -179,7 +179,7 @@ def find_shortest(first: float, excess: Callable[[float], float]) -> float:
 def check_rates(
     actuation: Actuation, peaks: Peaks, members: tuple[str, ...], duration: float, shortest: float
 ) -> None:
-    """Raise InvalidValueError where a rate exceeds its limit: which cable, when, by how much."""
+    """Raise InvalidValueError if a rate exceeds its limit: which cable, when, by how much."""
     ratio = peaks.rate / actuation.rate
     if len(ratio) == 0 or ratio.max() <= 1.0 + RATE_TOLERANCE:
         return

@@ -76,7 +76,7 @@ def time_motion(
         Go to the end of the path in the first half of the time, and back the same way in the second half. The
         duration is that of both, twice that of a table.
     arguments : mapping, optional
-        Inputs and parameters by name, where they differ from the scene; those of the path.
+        Inputs and parameters by name, if they differ from the scene; those of the path.
     samples : int
         Number of equally spaced knots of the motion.
 

@@ -95,7 +95,7 @@ def build_commands(study: ControlStudy) -> Section:
     run, motion, bounds = loop.run, study.motion, study.bounds
     use = find_actuator_use(study)
     time = run.time[:-1]
-    # Rest lengths, and what feedback adds to them.
+    # Rest lengths, and their changes by feedback.
     planned = np.array(
         [motion.at(now + 0.5 * study.gains.sample).input[bounds.place] for now in time.tolist()]
     )

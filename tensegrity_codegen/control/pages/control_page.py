@@ -217,7 +217,7 @@ def _design(study: ControlStudy) -> Section:
 
 
 def _judge_loops(study: ControlStudy) -> Table:
-    """Return the table of what linear loops stand, and of errors by noise; a column for each loop."""
+    """Return the table of the margins of linear loops, and of errors by noise; a column for each loop."""
     rows: dict[tuple[str, str, str], list[float]] = {}
 
     def add(what: str, unit: str, spec: str, value: float) -> None:
@@ -258,7 +258,7 @@ def _judge_loops(study: ControlStudy) -> Table:
     )
 
 
-# What a study of feedback found, in one sentence of numbers: the headline of its page.
+# The result of a study of feedback, in one sentence of numbers: the headline of its page.
 
 
 def describe_control_finding(study: ControlStudy, least_bound: float = -math.inf) -> str:
@@ -288,7 +288,7 @@ def describe_control_finding(study: ControlStudy, least_bound: float = -math.inf
 
 
 def find_least_bound(limits: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
-    """Return the largest of the least tensions (n,) that are stated [N], -infinity where none is."""
+    """Return the largest of the least tensions (n,) that are stated [N], -infinity if none is."""
     finite = limits[np.isfinite(limits)]
     return float(finite.max()) if len(finite) else -math.inf
 

@@ -132,7 +132,7 @@ def actuators_table(study: ControlStudy, name: str) -> LongTable:
 
 
 def describe_facts(study: ControlStudy) -> list[str]:
-    """Return what the study assumes and what the design is, a line each."""
+    """Return the assumptions of the study and the design, a line each."""
     tuning, gains = study.tuning, study.gains
     still = not np.any(study.motion.velocity)
     motion = "an equilibrium to be kept" if still else f"motion of {study.motion.duration:.6g} s"
@@ -171,7 +171,7 @@ def describe_facts(study: ControlStudy) -> list[str]:
 
 
 def describe_delays(study: ControlStudy) -> str:
-    """Return when commands act, and with what further delay the linear loops become unstable."""
+    """Return when commands act, and the further delay at which the linear loops become unstable."""
     delay, sample = study.bounds.delay, study.gains.sample
     late = float(delay.max(initial=0.0))
     sentence = "commands act at once"
@@ -322,7 +322,7 @@ def _describe_words(study: ControlStudy) -> str:
 
 
 def has_limits(study: ControlStudy) -> bool:
-    """Return whether the scene states limits of what loops are judged by: tensions, clearance."""
+    """Return whether the scene states limits by which loops are judged: tensions, clearance."""
     limits = study.limits
     of_members = np.isfinite([*limits.least_tension, *limits.most_tension])
     return bool(of_members.any()) or limits.clearance > -np.inf

@@ -1,4 +1,4 @@
-"""A plan as a page: outcome, shapes along the path, targets, rest lengths, tensions, what binds."""
+"""A plan as a page: outcome, shapes along the path, targets, rest lengths, tensions, the limits that bind."""
 
 import math
 from collections.abc import Iterator
@@ -202,7 +202,7 @@ def _proof(plan: PlanResult, structure: Structure) -> Iterator[Section]:
 
 
 def build_limit_sections(plan: PlanResult, limits: Limits) -> Iterator[Section]:
-    """Yield tensions, distances between bars where there are any, stability, and what binds."""
+    """Yield tensions, distances between bars if there are any, stability, and what binds."""
     yield _tensions(plan, limits)
     if plan.bar_distance.shape[1]:
         yield _clearance(plan, limits)

@@ -14,7 +14,7 @@ from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.runtime.records.plan_result import LIMIT_WORDS, Contradiction, Cover, PlanResult
 from tensegrity_codegen.structure.limits import Limits
 
-REACHED_WITHIN = 1e-6  # of the change of a target: what is missed by less counts as reached
+REACHED_WITHIN = 1e-6  # of the change of a target: one missed by less counts as reached
 
 
 def describe_plan(plan: PlanResult) -> dict[str, Any]:
@@ -173,7 +173,7 @@ def _describe_proof(plan: PlanResult) -> dict[str, Any] | None:
     }
 
 
-# What a plan found, in one sentence of numbers: the headline of its page.
+# The result of a plan, in one sentence of numbers: the headline of its page.
 
 
 def describe_plan_finding(plan: PlanResult, limits: Limits) -> str:
@@ -235,7 +235,7 @@ def _describe_tension(plan: PlanResult, limits: Limits) -> str:
 
 
 def _describe_block(plan: PlanResult) -> str:
-    """Return where the path ends, and what binds there."""
+    """Return the end of the path, and the limits that bind there."""
     progress = 0.0 if plan.block is None else plan.block.progress
     sentence = f"Blocked at {format_short(100 * progress)} % of the way"
     if len(plan.target_name) == 1 and len(plan.target):

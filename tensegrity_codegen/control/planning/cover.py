@@ -3,9 +3,9 @@
 With coordinates, force densities q and lengths l of all members for unknowns x, equilibria are the zeros of
 polynomials F(x, u) of the inputs u. In a cell of inputs v about a centre let A = (dF/dx)^-1, X = -A dF/du
 and x = centre + X v + z. Zeros are the fixed points of z -> -A N(X v + z, v), N the terms of F of higher
-order. Where this maps a box of z into itself and contracts it, each input of the cell has one equilibrium in
+order. If this maps a box of z into itself and contracts it, each input of the cell has one equilibrium in
 the box (R. Krawczyk, Computing 4, 1969). Cells grow from that of the start until a limit is broken in the
-whole of each outer one: plans are continuous, so none leaves them. Where no cell has the values of the
+whole of each outer one: plans are continuous, so none leaves them. If no cell has the values of the
 targets within the limits, there is no plan.
 """
 
@@ -33,7 +33,7 @@ from tensegrity_codegen.system.arrays import FloatArray, IntArray
 FIRST_HALF = 0.02  # of the longest member: half of the width of a cell, which is halved until the proof holds
 MIN_HALF = 1e-5  # the same: smaller ones are not tried
 DEPTH = 3  # how often cells are halved to compare targets
-START_RESIDUAL = 1e-8  # of the largest force: what F may leave at the start
+START_RESIDUAL = 1e-8  # of the largest force: the residual of F allowed at the start
 N_ITERATIONS = 3  # of Newton, from the centre of another cell
 ENLARGED = 4.0  # the box that holds one equilibrium only, over the one that is in it
 ROUNDING, INFLATION = 1e-12, 1e-6  # by which bounds are enlarged: absolute, relative
@@ -113,7 +113,7 @@ class Equations:
         return np.concatenate(value), np.block(by_x), by_u
 
     def find_cell(self, x: FloatArray, change: FloatArray, half: float) -> Cell | None:
-        """Return the cell about the equilibrium near `x`; None where the proof does not hold."""
+        """Return the cell about the equilibrium near `x`; None if the proof does not hold."""
         try:
             for _ in range(N_ITERATIONS):
                 value, by_x, _ = self.compute(x, change)
@@ -128,7 +128,7 @@ class Equations:
         width, ends = np.abs(self.pull).sum(axis=1) * half, [3 * count, 4 * count]
         if np.any(rest_length <= width):
             return None
-        # What is left to first order; |A|, as forces and lengths of members act; their changes by the inputs.
+        # The residual to first order; |A|, as forces and lengths of members act; their changes by the inputs.
         error = np.abs(inverse @ value) + np.abs(inverse @ (by_x @ slope + by_u)).sum(axis=1) * half
         drift = np.abs(np.eye(len(x)) - inverse @ by_x)
         act = np.abs(np.hstack([inverse[:, :free] @ self.moved.T, inverse[:, free:]]))
@@ -158,7 +158,7 @@ class Equations:
         return Cell(change, half, x, slope, z, box) if holds else None
 
     def find_broken(self, cell: Cell) -> str:
-        """Return a limit that is broken in the whole cell, "" where there is none."""
+        """Return a limit that is broken in the whole cell, "" if there is none."""
         limits, at, ranges, half = self.limits, self.start, self.limits.ranges, cell.half
         (_, q, length), (_, by_q, by_length) = self.split(cell.x), self.split(cell.slope)
         _, error_q, error = self.split(cell.error)
@@ -192,7 +192,7 @@ class Equations:
         return next(broken, "")
 
     def misses(self, target: BoundTarget, cell: Cell) -> bool:
-        """Return whether no shape of the cell has the value of a target; False where it cannot say so."""
+        """Return whether no shape of the cell has the value of a target; False if it cannot say so."""
         structure, position = self.structure, self.place(cell.x, self.start.position)
         node, expression, goal = np.eye(structure.n_nodes), target.text.strip(), target.goal
 

@@ -22,7 +22,7 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
-Excess = tuple[str, float, float, str]  # limit, what is necessary, what is allowed, unit
+Excess = tuple[str, float, float, str]  # limit, necessary value, allowed value, unit
 
 MEMBER_TARGET = re.compile(
     r"(member_length|member_tension|rest_length|bar_distance)\s*[(\[]\s*[\"']?([^\"'\])]+)[\"']?\s*[)\]]"
@@ -119,7 +119,7 @@ class _MemberLimits:
     start: PlanPoint
 
     def compare(self, quantity: str, index: int, value: float) -> Excess | None:
-        """Return limit, what is necessary, what is allowed, and the unit, where they exclude each other."""
+        """Return limit, necessary value, allowed value, and the unit, if the two exclude each other."""
         if quantity == "bar_distance":
             return _below("clearance", value, self.limits.clearance, "m")
         if quantity == "member_tension":
@@ -268,7 +268,7 @@ def find_fixed_shape(
 ) -> FloatArray | None:
     """Return the coordinates that targets fix but for neutral rigid motions, found from the start.
 
-    None where the targets leave the shape free, where no shape near the start has their values, and where
+    None if the targets leave the shape free, if no shape near the start has their values, and where
     they are not linear in the coordinates, as then other shapes may have their values too.
     """
     goal = targets.goal

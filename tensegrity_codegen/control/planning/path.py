@@ -1,11 +1,11 @@
 """The path of a plan: steps by programs, Newton's method, a check of every limit, corrections.
 
-Each step goes from one equilibrium within all limits to the next. Where the equilibrium that a step leads to
+Each step goes from one equilibrium within all limits to the next. If the equilibrium that a step leads to
 violates a limit, or misses the target, further programs at the same progress correct it; where they do not,
 the step is shortened. Only equilibria within all limits are kept.
 
 A straight path to the targets keeps to one branch of equilibria, and often to a symmetry of the structure.
-Where limits block it, the next ones begin with other changes of the inputs. Then the search leaves the
+If limits block it, the next ones begin with other changes of the inputs. Then the search leaves the
 straight line: from a shape that it has reached, it walks in a random direction along equilibria within all
 limits, as far as they let it slide, and goes straight to the targets from there. The shapes that are reached
 form a tree; half of the walks begin at the one that is nearest to the targets.
@@ -65,7 +65,7 @@ MIN_CHANGE = 0.02  # of the largest change of a step: a walk that limits let mov
 
 @dataclass(frozen=True)
 class PathPoint:
-    """A stored point: the equilibrium, progress, values of the targets, margins, and what bound the step."""
+    """A stored point: the equilibrium, progress, target values, margins, limits that bound the step."""
 
     at: PlanPoint
     progress: float
@@ -80,7 +80,7 @@ class PlanPath:
 
     targets: targets bound to the model.
     start: an equilibrium within all limits.
-    steps: number of steps where nothing limits them.
+    steps: number of steps if nothing limits them.
     least_progress: progress, as part of that of a step which nothing limits: the path ends where several
         steps in a row make less.
     preferred (n_actuators,) [m]: changes of the inputs that the first step prefers to the smallest ones, as
@@ -197,7 +197,7 @@ class PlanPath:
     def _explain_end(self, program: Program) -> bool:
         """Say why steps of the full size make no progress: targets do not move, or limits; the path ends.
 
-        Where such a step could, to first order, it and all shorter ones were rejected: the last one says why.
+        If such a step could, to first order, it and all shorter ones were rejected: the last one says why.
         """
         program = replace(program, radius=self.most_radius)
         bound = program.find_bound(self.most_step_progress)
@@ -211,7 +211,7 @@ class PlanPath:
         return False
 
     def build_last_program(self) -> Program:
-        """Return what the largest step from the last point is found from."""
+        """Return the program of the largest step from the last point."""
         self.radius = self.most_radius
         here = self.points[-1]
         return self._build_program(here.at, here.target, here.progress)
@@ -248,7 +248,7 @@ class PlanPath:
         )
 
     def _find_reached_point(self, here: PathPoint, step: Step) -> PathPoint | None:
-        """Return the point that a step leads to, after corrections; None where it cannot be kept."""
+        """Return the point that a step leads to, after corrections; None if it cannot be kept."""
         progress = here.progress + step.progress
         progress = 1.0 if progress > 1.0 - PROGRESS_TOLERANCE else progress
         at, before = self._find_equilibrium(here.at, step.change), self.slopes
@@ -274,7 +274,7 @@ class PlanPath:
             is_stable = len(at.eigenvalue) == 0 or float(at.eigenvalue[0]) > 0.0
             if self._is_inside(margins) and self._is_exact(target - goal) and is_stable:
                 return PathPoint(at, progress, target, margins, step.binding, step.multiplier)
-            # The smallest change that corrects it, with less progress where there is none.
+            # The smallest change that corrects it, with less progress if there is none.
             program = self._build_program(at, target, progress)
             better = program.find_step(0.0) or program.find_furthest(min(least_progress - progress, 0.0), 0.0)
             if better is None:
@@ -285,7 +285,7 @@ class PlanPath:
             if moved is None:
                 return None
             at = moved
-        # What is left after all corrections.
+        # The error after all corrections.
         miss = target - goal
         if self._is_exact(miss):
             reason = "the equilibrium is unstable" if self._is_inside(margins) else self._name_worst(margins)
@@ -300,7 +300,7 @@ class PlanPath:
         return margins.kind[int(margins.excess.argmax())]
 
     def _find_equilibrium(self, at: PlanPoint, change: FloatArray) -> PlanPoint | None:
-        """Return the equilibrium after a change of the inputs, None where it is not found."""
+        """Return the equilibrium after a change of the inputs, None if it is not found."""
         moved = self.slopes.coordinate @ change
         carried = self.model.problem(at.change + change).move_coordinate(at.coordinate, moved)
         reach = SEARCH_PART * float(np.abs(moved).max(initial=0.0)) + SMALLEST_CHANGE * at.point.longest

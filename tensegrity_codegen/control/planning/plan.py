@@ -93,9 +93,9 @@ def plan(
     limits : Limits, optional
         By default those of the scene.
     arguments : mapping, optional
-        Inputs and parameters by name, where they differ from the scene.
+        Inputs and parameters by name, if they differ from the scene.
     steps : int
-        Number of steps where nothing limits them.
+        Number of steps if nothing limits them.
     least_progress : float
         The path ends where limits leave less progress than this part of 1/steps, in 8 steps in a row; 0:
         where they leave none.
@@ -130,7 +130,7 @@ def plan(
 
     Notes
     -----
-    docs/planning.md has the equations. Where limits block the path of the smallest changes, others are tried;
+    docs/planning.md has the equations. If limits block the path of the smallest changes, others are tried;
     `branches` of the result says how each ended.
 
     Examples
@@ -189,7 +189,7 @@ def plan(
 def _find_proof(
     plan_model: PlanModel, limits: PlanLimits, targets: Targets, start: PlanPoint
 ) -> tuple[Any, str, FloatArray | None] | None:
-    """Return the proof that no plan exists, and a sentence; None where there is none."""
+    """Return the proof that no plan exists, and a sentence; None if there is none."""
     contradiction = find_contradiction(plan_model, limits, targets, start)
     if contradiction is not None:
         return contradiction, contradiction.message, None
@@ -224,7 +224,7 @@ def _check_options(
 
 
 def _check_start(plan_model: PlanModel, limits: PlanLimits, at: PlanPoint) -> None:
-    """Raise where the start violates limits, or is not stable."""
+    """Raise an error if the start violates limits, or is not stable."""
     margins = compute_margins(limits, at)
     order = np.argsort(-np.round(margins.excess, SORTED_DIGITS), kind="stable")
     stated = np.array([kind != "least_stiffness" or limits.least_stiffness > 0 for kind in margins.kind])
@@ -377,7 +377,7 @@ def _select_required(
 
 
 def _describe_stated(limits: PlanLimits) -> str:
-    """Return what is proved of the stated shape, and what to do."""
+    """Return the proved fact about the stated shape, and a remedy."""
     limited = " or that have a least tension" if bool(np.any(limits.least_tension > 0.0)) else ""
     return (
         "at the stated shape no tensions, whatever the rest lengths, are in balance with the cables in "
@@ -395,7 +395,7 @@ def _is_sound(at: PlanPoint, limits: PlanLimits) -> bool:
 
 
 def check_stability(plan_model: PlanModel, at: PlanPoint) -> None:
-    """Raise where an equilibrium is unstable, or neutral: a stiffness of zero to rounding is not unstable."""
+    """Raise UnstableError, or SingularStiffnessError for a stiffness that is zero to rounding."""
     problem, name = plan_model.problem(at.change), plan_model.model.manifest.name
     stability = find_stability(problem, at.point)
     if stability.is_unstable:

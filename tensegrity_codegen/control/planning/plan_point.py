@@ -101,7 +101,7 @@ class MemberRanges:
     rest_length: FloatArray  # (n,) [m]: rest lengths of the members where the actuators of the plan are at 0
     least: FloatArray  # (n,) [m]: bounds of the rest lengths
     most: FloatArray  # (n,) [m]
-    pull: FloatArray  # (n, n_actuators): 1 where an actuator of the plan moves the member
+    pull: FloatArray  # (n, n_actuators): 1 if an actuator of the plan moves the member
 
     def of_member(self, index: int) -> tuple[float, float]:
         """Return the least and the largest rest length that the ranges permit a member [m]."""
@@ -146,7 +146,7 @@ def find_member_ranges(
 
 @dataclass(frozen=True)
 class PlanPoint:
-    """An equilibrium: inputs, coordinates, what limits look at."""
+    """An equilibrium: inputs, coordinates, the values that limits bound."""
 
     change: FloatArray  # (n_actuators,) [m]: values of the actuators' inputs
     coordinate: FloatArray  # (n_coordinates,): coordinates of the static problem, and of the model
@@ -171,8 +171,8 @@ class PlanModel:
     """A model whose actuators are moved, all other arguments fixed.
 
     model: compiled for ``"plan"``.
-    arguments: inputs and parameters by name, where they differ from the scene.
-    incidence (n_members, n_actuators): one where an actuator changes the rest length of a member.
+    arguments: inputs and parameters by name, if they differ from the scene.
+    incidence (n_members, n_actuators): one if an actuator changes the rest length of a member.
     columns: members of each actuator, by name.
     has_pairs: whether distances between bars are known.
     """
@@ -319,7 +319,7 @@ def _is_balanced(point: Point, floor: float) -> bool:
 
 
 def find_lowest(stiffness: Any, neutral: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the smallest eigenvalues [N/m] and their vectors over what is orthogonal to `neutral`."""
+    """Return the smallest eigenvalues [N/m] and their vectors over the directions orthogonal to `neutral`."""
     matrix = stiffness.toarray()
     matrix = (matrix + matrix.T) / 2
     if neutral.shape[1]:

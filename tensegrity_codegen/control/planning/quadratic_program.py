@@ -2,7 +2,7 @@
 
 DAQP (D. Arnström, A. Bemporad, D. Axehill, "A dual active-set solver for embedded quadratic programming using
 recursive LDL^T updates", IEEE Transactions on Automatic Control 67, 2022) does not write the multipliers of
-infeasible programs, and has reported an optimum of one. So answers count only where the constraints hold.
+infeasible programs, and has reported an optimum of one. So answers count only if the constraints hold.
 """
 
 from dataclasses import dataclass
@@ -151,7 +151,7 @@ def find_largest(gain: FloatArray, rows: FloatArray, lower: FloatArray, upper: F
 
 
 def _scale(rows: FloatArray, lower: FloatArray, upper: FloatArray) -> _Scaled | None:
-    """Return the constraints with rows of unit norm, None where a row contradicts itself."""
+    """Return the constraints with rows of unit norm, None if a row contradicts itself."""
     norm = np.linalg.norm(rows, axis=1)
     is_nonzero = norm > ZERO_NORM * float(norm.max(initial=0.0))
     if np.any(lower[~is_nonzero] > FEASIBLE) or np.any(upper[~is_nonzero] < -FEASIBLE):

@@ -34,7 +34,7 @@ ANOTHER_PATH = ". Another path may exist: more `attempts` look for it"
 
 
 def describe_margin(plan_model: PlanModel, margins: Margins, row: int) -> str:
-    """Return a limit that is exceeded: which, of what, by how much."""
+    """Return an exceeded limit: its name, its owner, and the excess."""
     kind, unit = margins.kind[row], UNITS.get(margins.kind[row], "N")
     name = _name(plan_model, kind, int(margins.index[row]))
     return f"{LIMIT_WORDS[kind]}{' of ' + name if name else ''}: violated by {-margins.value[row]:.6g} {unit}"
@@ -166,7 +166,7 @@ def _name(plan_model: PlanModel, kind: str, index: int) -> str:
 
 
 def _describe_block(path: PlanPath, block: Block) -> str:
-    """Return where a path ends and what binds."""
+    """Return the end of a path and the limits that bind."""
     values = [
         f"{name} = {value:.6g}{' ' + unit if unit else ''} of {goal:.6g}"
         for name, unit, value, goal in zip(

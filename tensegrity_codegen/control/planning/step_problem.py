@@ -43,7 +43,7 @@ MIN_STIFFNESS = 1e-3  # [N/m]: size of the limit of the smallest eigenvalue wher
 
 @dataclass(frozen=True)
 class PlanLimits:
-    """What every equilibrium of a plan satisfies; infinities stand for no limit."""
+    """The limits that every equilibrium of a plan satisfies; infinities stand for no limit."""
 
     least_tension: FloatArray  # (n_members,) [N]: bounds of the member tensions
     most_tension: FloatArray  # (n_members,) [N]
@@ -53,7 +53,7 @@ class PlanLimits:
     # length
     buckling: FloatArray
     clearance: float  # [m]: least distance between bars
-    # [N/m]: least smallest eigenvalue of the stiffness; 0 where the limits are below: plans are stable
+    # [N/m]: least smallest eigenvalue of the stiffness; 0 if the limits are below: plans are stable
     least_stiffness: float
     # least_change, most_change (n_actuators,) [m]: range of the actuators' inputs, by members that one
     # actuator alone moves
@@ -210,7 +210,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Program:
-    """What steps from one equilibrium are found from."""
+    """The quadratic program of a step from one equilibrium."""
 
     margins: Margins  # margins to all limits, with slopes
     slopes: Slopes  # derivatives of targets and extensions
@@ -223,7 +223,7 @@ class Program:
     preferred: FloatArray | None = None
 
     def find_step(self, progress: float) -> Step | None:
-        """Return the step with this progress, None where there is none."""
+        """Return the step with this progress, None if there is none."""
         rows, lower, upper = self._constraints(progress)
         hessian = self.hessian
         gradient = np.zeros(len(hessian)) if self.preferred is None else -hessian @ self.preferred / self.unit
@@ -231,7 +231,7 @@ class Program:
         return None if optimum is None else self._build_step(optimum.x, progress, optimum.multiplier)
 
     def find_furthest(self, least: float, most: float) -> Step | None:
-        """Return the step with the most progress within [least, most], None where there is none."""
+        """Return the step with the most progress within [least, most], None if there is none."""
         rows, lower, upper = self._constraints_with_progress(least, most)
         count = rows.shape[1] - 1
         hessian = np.diag(np.append(np.zeros(count), 1.0))

@@ -46,7 +46,7 @@ class TargetText:
 
     @property
     def where(self) -> str:
-        """What errors name."""
+        """The name of the target in errors."""
         return f"target {self.text}"
 
 

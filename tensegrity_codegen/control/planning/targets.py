@@ -41,7 +41,7 @@ class BoundTarget:
         return tuple(f"{self.text}.{component}" if component else self.text for component in self.components)
 
     def evaluate(self, problem: StaticProblem, coordinate: FloatArray) -> FloatArray:
-        """Return the values, one for each component; NonFiniteError where one is not finite."""
+        """Return the values, one for each component; NonFiniteError if one is not finite."""
         if self.shape is not None:
             value = self.shape.evaluate(problem.node_position(coordinate), self.reference)[self.shape.rows]
         else:
@@ -189,7 +189,7 @@ def _convert(target: TargetText, unit: str, count: int) -> FloatArray:
 
 
 def _name_target_in_errors(target: TargetText, build: Callable[[], Value]) -> Value:
-    """Return what `build` returns; errors name the target."""
+    """Return the result of `build`; errors name the target."""
     try:
         return build()
     except TensegrityError as error:

@@ -1,1 +1,1 @@
-"""Functional mock-up units: what is inside, in C and in XML."""
+"""Functional mock-up units: their content, in C and in XML."""

@@ -36,7 +36,7 @@ def join_names(quantity: str, parts: Sequence[str | int]) -> str:
 
 
 def quote_name(name: str) -> str:
-    """Return a name as an identifier of the standard, in quotes where it is none by itself."""
+    """Return a name as an identifier of the standard, in quotes if it is none by itself."""
     if PLAIN.fullmatch(name):
         return name
     letters = []
@@ -71,7 +71,7 @@ class Variable:
     """One scalar variable."""
 
     name: str  # structured name
-    causality: str  # words of the standard; initial "" where the standard has none
+    causality: str  # words of the standard; initial "" if the standard has none
     variability: str
     initial: str
     sentence: str  # description
@@ -195,7 +195,7 @@ def find_exponents(unit: str) -> dict[str, int] | None:
     """Return the exponents of SI base units in a unit, {} for "1".
 
     unit: factors apart by spaces, a power behind each, those behind a slash in the denominator: "N s/m2".
-    Returns base unit -> exponent, without zeros; None where the text is no unit of this form.
+    Returns base unit -> exponent, without zeros; None if the text is no unit of this form.
     """
     if unit == "1":
         return {}
@@ -218,7 +218,7 @@ SAMPLES = 1000  # communication steps of the default experiment
 
 @dataclass(frozen=True)
 class Unit:
-    """What the description says of a unit besides its variables."""
+    """The facts of a unit in its description, besides its variables."""
 
     name: str
     token: str
@@ -346,7 +346,7 @@ def _list_dependencies(variable: Variable, shift: int) -> dict[str, str]:
 
 
 def _add_structure_2(root: Element, variables: Sequence[Variable]) -> None:
-    """Add outputs, derivatives and what is computed at the start, by indices from 1."""
+    """Add outputs, derivatives and the unknowns at the start, by indices from 1."""
     structure = SubElement(root, "ModelStructure")
     rows = list(enumerate(variables, start=1))
     for tag, chosen in (

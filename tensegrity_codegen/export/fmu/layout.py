@@ -42,7 +42,7 @@ class Argument:
 
     @property
     def least(self) -> str:
-        """What its values are at least: "above_zero", "from_zero" or "any"."""
+        """The lower bound of its values: "above_zero", "from_zero" or "any"."""
         return LEAST.get(self.spec.name, "any")
 
 
@@ -69,7 +69,7 @@ class Layout:
     """All that a unit has, from a library's manifest."""
 
     manifest: Manifest  # the library
-    structure: Subject  # what it was made from
+    structure: Subject  # the source of the unit
     outputs: tuple[str, ...]  # quantities that are outputs
 
     @property
@@ -217,7 +217,7 @@ class Tangent:
     """The statements of the function, and which unknowns depend on which knowns."""
 
     lines: tuple[str, ...]
-    inputs: tuple[tuple[str, str], ...]  # names of its arrays in C, and where they are
+    inputs: tuple[tuple[str, str], ...]  # names of its arrays in C, and their owners
     outputs: tuple[tuple[str, str], ...]
     # (n_unknowns, n_knowns) of accelerations, rates of internal states and calculated values on arguments and
     # states
@@ -225,7 +225,7 @@ class Tangent:
 
 
 def find_tangent(layout: Layout, request: ModelRequest) -> Tangent | None:
-    """Return the derivatives of a unit, None where the structure is too large for straight-line code."""
+    """Return the derivatives of a unit, None if the structure is too large for straight-line code."""
     if layout.structure.n_members > MAX_MEMBERS:
         return None
     model = build_model(layout.structure, request)

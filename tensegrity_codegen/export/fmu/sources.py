@@ -23,7 +23,7 @@ from tensegrity_codegen.tables.targets import SHARED, TARGETS, Target, find_host
 
 ATOL_RATIO = 1e-3  # absolute over relative tolerance, for a structure of a metre: 1e-9 over 1e-6
 MAX_AHEAD, MAX_NUMBERS_AHEAD = 32, 65_536  # communication steps, and numbers of their states
-# Kinds of events in the order of margins, and what happens as a margin becomes negative, positive.
+# Kinds of events in the order of margins, and the event as a margin becomes negative, positive.
 WATCHED = {
     "cable": ("goes slack", "goes taut"),
     "switch": ("switches down", "switches up"),
@@ -128,7 +128,7 @@ def _context(layout: Layout, tangent: Tangent | None, experiment: Experiment) ->
 
 
 def _list_lower_bounds(argument: Argument) -> list[str]:
-    """Return what each value of an argument is at least; a value of the scene itself is always allowed."""
+    """Return the lower bound of each value of an argument; a value of the scene itself is always allowed."""
     limit = f"FMU_{argument.least.upper()}"
     is_positive = [limit != "FMU_ABOVE_ZERO" or value > 0 for value in np.ravel(argument.spec.nominal)]
     if argument.name == "ground":
@@ -137,7 +137,7 @@ def _list_lower_bounds(argument: Argument) -> list[str]:
 
 
 def _strings(names: Sequence[str]) -> list[str]:
-    """Return names, which are identifiers, as C strings; one where there is none."""
+    """Return names, which are identifiers, as C strings; one if there is none."""
     return [f'"{name}"' for name in names] or ['""']
 
 
@@ -182,7 +182,7 @@ def _describe_integrator(layout: Layout, method: str) -> dict[str, Any]:
 
 
 def _place_positions(layout: Layout) -> dict[str, Any] | None:
-    """Return where node positions come from, if they are coordinates and anchors."""
+    """Return the source of node positions, if they are coordinates and anchors."""
     if all(block.spec is not None for block in layout.blocks):
         return None
     manifest = layout.manifest

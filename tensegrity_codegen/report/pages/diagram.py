@@ -94,13 +94,13 @@ class Series:
     marker: str = ""
 
     def as_dict(self) -> dict[str, Any]:
-        """Return name and places in JSON's types, None for what is not finite."""
+        """Return name and places in JSON's types, None for values that are not finite."""
         return {"name": self.name, "x": _finite(self.x), "y": _finite(self.y)}
 
 
 @dataclass(frozen=True)
 class Diagram:
-    """Series over two named axes, with horizontal and vertical marks (value, text) where wanted."""
+    """Series over two named axes, with horizontal and vertical marks (value, text) if wanted."""
 
     x_label: str
     y_label: str
@@ -264,7 +264,7 @@ _WORD = re.compile(r"[a-z0-9_]+")
 def find_style(name: str) -> MethodStyle:
     """Return how a method looks: that of the longest name of METHOD_STYLES whose words it has, in order.
 
-    What none of them describes has a look that depends on its name alone.
+    A method without description has a look that depends on its name alone.
     """
     name_words = _WORD.findall(name.lower().replace("scipy_", "scipy "))
     fitting = [key for key in METHOD_STYLES if _has(name_words, _WORD.findall(key))]

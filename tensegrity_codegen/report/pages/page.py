@@ -112,7 +112,7 @@ class Section:
 
     @property
     def outcome(self) -> str:
-        """The verdict and its cause in words, empty where there is nothing to compare with."""
+        """The verdict and its cause in words, empty if there is nothing to compare with."""
         return ": ".join(filter(None, (VERDICTS[self.verdict], CAUSES.get(self.cause))))
 
     @property
@@ -157,7 +157,7 @@ class Entry:
 class Page:
     """All of a page; `entries` closes it under the heading `entries_title`; facts stand in its foot.
 
-    title: the finding in numbers, computed from the data; subject: what the page is about, in a few words;
+    title: the finding in numbers, computed from the data; subject: of the page, in a few words;
     summary_heads: headings of the table that opens the page.
     """
 
@@ -321,7 +321,7 @@ def render_page(page: Page) -> str:
 
 
 def write_page(page: Page, path: Path, *, overwrite: bool) -> None:
-    """Write a page whole or not at all; OutputError where one exists and may not be replaced."""
+    """Write a page whole or not at all; OutputError if one exists and may not be replaced."""
     write_text(render_page(page), path, overwrite=overwrite)
 
 

@@ -1,4 +1,4 @@
-"""Pictures as text that stands inside a page: SVG where it is small, a PNG in base64 else; small films."""
+"""Pictures as text that stands inside a page: SVG if it is small, a PNG in base64 else; small films."""
 
 import base64
 import io

@@ -34,7 +34,7 @@ from tensegrity_codegen.system.files import replaced
 
 Image = NDArray[np.uint8]
 
-# A GIF counts in hundredths of a second, and players slow down what is held for less than two.
+# A GIF counts in hundredths of a second, and players slow down frames that are held for less than two.
 GIF_FASTEST = 50.0
 # Palette entries from here on are paper.
 NEARLY_WHITE = 246
@@ -144,7 +144,7 @@ def write_animation(
     """Write a motion as a film (.gif or .mp4) and return its path.
 
     fps: frames a second; slow_down: seconds of film for a simulated second; progress: called with the
-    fraction done; choices: view, size, names and so on; subject: what the structure is the outline of. Each
+    fraction done; choices: view, size, names and so on; subject: the source of the outline. Each
     frame shows the nearest sample, the last one the last sample.
     """
     target = Path(path)

@@ -48,7 +48,7 @@ Drawable: TypeAlias = (
 
 @dataclass(frozen=True)
 class Shot:
-    """What a picture shows; None for what follows from the structure at its stated positions.
+    """The content of a picture; None for values of the structure at its stated positions.
 
     node_position (n_nodes, 3) [m], member_tension (n_members,) [N], node_load (n_nodes, 3) [N]; rigid
     (n_members,): members that the formulation keeps rigid; note: the line below the title; whole: the motion
@@ -67,7 +67,7 @@ class Shot:
 def draw_shot(
     shot: Shot, choices: PictureChoices, title: str | None = None, *, is_vector: bool = False
 ) -> "tuple[Figure, FloatArray]":
-    """Return the figure of a shot and the tensions in it (n_members,) [N], NaN where unknown.
+    """Return the figure of a shot and the tensions in it (n_members,) [N], NaN if unknown.
 
     Without `choices.follow` the axes of a sample hold the whole motion, else this sample alone. Edges of
     rigid bodies, which have no tension, are not among the tensions.
@@ -205,7 +205,7 @@ def check_time(time: float, start: float, end: float) -> None:
 
 
 def _require(subject: CompiledModel | Equilibrium | Trajectory | PlanResult) -> Structure | BodySystem:
-    """Return the structure of a result; raises InvalidValueError where it is not known."""
+    """Return the structure of a result; raises InvalidValueError if it is not known."""
     if subject.structure is None:
         raise InvalidValueError(
             "the structure is not known, since the library was loaded without its scene",

@@ -92,7 +92,7 @@ def find_slack(structure: Structure, node_position: FloatArray, tension: FloatAr
 
 
 def find_tension_limit(tension: FloatArray | None) -> float | None:
-    """Return the largest known |tension| [N] of (..., n_members), None where there is none."""
+    """Return the largest known |tension| [N] of (..., n_members), None if there is none."""
     largest = 0.0 if tension is None else float(np.nanmax(np.abs(tension), initial=0.0))
     return largest if largest > 0 else None
 
@@ -148,7 +148,7 @@ class StructureDrawing:
     ) -> None:
         """Draw the structure at node_position (n_nodes, 3) [m] with member tensions (n_members,) [N].
 
-        color (n_members,): what the colours show, by default the tensions; NaN is drawn as unknown.
+        color (n_members,): the values of the colours, by default the tensions; NaN is drawn as unknown.
         """
         color = tension if color is None else color
         self.slack = find_slack(self._structure, node_position, tension)

@@ -31,7 +31,7 @@ class Arrows:
     """Arrows of one kind over samples.
 
     name, color: ``"load"``, ``"reaction"`` or ``"ground"``, and the colour.
-    tail, tip (n_t, n_arrows, 3) [m]: where they start and end; NaN where there is none.
+    tail, tip (n_t, n_arrows, 3) [m]: where they start and end; NaN if there is none.
     largest [N]: the largest force.
     n_unknown: number of nodes at which the force is unknown in some sample.
     scale [N/m]: force over length of an arrow.
@@ -59,7 +59,7 @@ def lay_out_arrows(
     """Return the arrows of loads, reactions and forces of the ground; kinds without a force have no arrows.
 
     position (n_t, n_nodes, 3) [m]: positions.
-    tension (n_t, n_members) [N]: tensions, NaN where unknown; without them there are no reactions.
+    tension (n_t, n_members) [N]: tensions, NaN if unknown; without them there are no reactions.
     load (n_t, n_nodes, 3) [N]: loads.
     joints: nodes whose reactions are unknown, see compute_reactions.
     contact (n_t, n_contacts, 3) [N]: forces of the ground.
@@ -183,7 +183,7 @@ MAX_NAMES = {"nodes": 100, "members": 30}  # of pictures; more run together
 NODE_SIZE, MEMBER_SIZE = 9.0, 7.5
 OFFSET = 6.0  # between a node and its name, in points
 WIDE, TALL = 0.62, 1.25  # of a letter, over the size of the text
-# Where a node's name may stand, in multiples of OFFSET, and where on a member its name may.
+# Positions of a node's name, in multiples of OFFSET, and of a member's name along it.
 AROUND = ((1, 1), (-1, 1), (1, -1), (-1, -1), (0, 1.4), (0, -1.4), (1.4, 0), (-1.4, 0))
 ALONG = (0.42, 0.58, 0.5, 0.33, 0.67, 0.25, 0.75)
 SAMPLES = 9  # points of a member that names keep clear of

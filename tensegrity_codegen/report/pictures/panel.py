@@ -64,12 +64,12 @@ MIN_WIDTH, MIN_HEIGHT = 3.4, 2.8  # of a figure [in], for its texts
 class Setting:
     """The settings that all samples of a picture share.
 
-    shown: what is shown.
+    shown: the content.
     choices: how.
     box, view: axes and view of the first sample, or of all where the axes stand still.
     step (n_t, 3) [m]: how far box and view move at each sample.
     arrows: loads and reactions.
-    color (n_t, n_members): what colours show.
+    color (n_t, n_members): the values of the colours.
     limit: end of the scale of colours.
     """
 
@@ -127,7 +127,7 @@ def set_up(shown: Shown, choices: PictureChoices) -> Setting:
 
 
 def _find_footprint(ground: Ground, positions: FloatArray) -> FloatArray:
-    """Return the places (..., 3) along the normal on the plane of a ground, none where that is far below."""
+    """Return the places (..., 3) along the normal on the plane of a ground, none if that is far below."""
     flat = positions.reshape(-1, 3)
     height = flat @ ground.normal - ground.offset
     is_near = bool(height.min() <= 2.0 * np.ptp(flat, axis=0).max())

@@ -97,7 +97,7 @@ def draw_tensions(axes: "Axes", structure: Structure, trajectory: Trajectory) ->
 def draw_drift(axes: "Axes", structure: Structure, trajectory: Trajectory) -> None:
     """Draw the change of the total energy over the largest kinetic energy, over time [s].
 
-    Where nothing moves, the scale is the rounding of the potential energy, as in Trajectory.energy_drift.
+    If nothing moves, the scale is the rounding of the potential energy, as in Trajectory.energy_drift.
     """
     change = trajectory.total_energy - trajectory.total_energy[0]
     potential = float(np.max(np.abs(trajectory.total_energy - trajectory.kinetic_energy)))
@@ -190,7 +190,7 @@ def plot_trajectory(
     """Draw a motion into a PNG, SVG or PDF file and return its path.
 
     Left: the first and the last shape with the paths of the nodes; right: energies, member tensions and
-    energy drift over time. subject: what the structure is the outline of.
+    energy drift over time. subject: the source of the outline.
     """
     target = Path(path)
     suffix = check_suffix(target, PICTURE_SUFFIXES)
@@ -248,7 +248,7 @@ def _draw_shapes(figure: "SubFigure", setting: Setting, trajectory: Trajectory) 
 
 
 def _draw_paths(panel: Panel, shown: Shown) -> None:
-    """Draw the paths of the nodes that are free to move, of evenly picked ones where they are many."""
+    """Draw the paths of the nodes that are free to move, of evenly picked ones if they are many."""
     from matplotlib.collections import LineCollection
 
     free = np.unique(shown.structure.coordinate_node_axis[:, 0])

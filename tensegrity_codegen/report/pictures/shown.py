@@ -27,7 +27,7 @@ MAX_BARS = 1000  # rigid bars up to which their tensions are solved for
 
 
 def find_rest_tension(subject: Structure | BodySystem, rigid: BoolArray | None = None) -> FloatArray:
-    """Return the tensions of the drawn structure, (n_members,) [N]: without damping, NaN where unknown.
+    """Return the tensions of the drawn structure, (n_members,) [N]: without damping, NaN if unknown.
 
     Unknown are rigid bars of a structure that is out of balance by more than 1 % of its largest force, bars
     that other bars make redundant, and the bars and edges of bodies. The rows are those of outline_bodies.
@@ -47,7 +47,7 @@ def find_rest_tension(subject: Structure | BodySystem, rigid: BoolArray | None =
 
 
 def _solve(structure: Structure, tension: FloatArray, rigid: BoolArray) -> FloatArray:
-    """Return the tensions of the rigid bars (n_rigid,) [N], NaN where statics does not tell them."""
+    """Return the tensions of the rigid bars (n_rigid,) [N], NaN if statics does not tell them."""
     ends, strands = structure.connectivity, structure.strands
     vector = strands.vectors(structure.node_position)
     unit = vector / np.linalg.norm(vector, axis=1)[:, None]
@@ -93,10 +93,10 @@ class Shown:
 
     structure: the structure, of bodies their outline.
     position (n_t, n_nodes, 3) [m]: positions.
-    tension (n_t, n_members) [N]: tensions, NaN where unknown; None: members are coloured by kind.
+    tension (n_t, n_members) [N]: tensions, NaN if unknown; None: members are coloured by kind.
     load (n_t, n_nodes, 3) [N]: loads.
-    parts: what belongs to rigid bodies.
-    contact (n_t, n_contacts, 3) [N]: forces of the ground; None where they are not known.
+    parts: the members of rigid bodies.
+    contact (n_t, n_contacts, 3) [N]: forces of the ground; None if they are not known.
     """
 
     structure: Structure
@@ -144,7 +144,7 @@ def show_motion(
 
 
 def compute_colors(shown: Shown, name: str) -> FloatArray | None:
-    """Return the values (n_t, n_members) that colours show, NaN where unknown; None for colours by kind."""
+    """Return the values (n_t, n_members) that colours show, NaN if unknown; None for colours by kind."""
     structure, tension = shown.structure, shown.tension
     if tension is None or name == "kind":
         return None

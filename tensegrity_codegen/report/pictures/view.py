@@ -26,7 +26,7 @@ Labels: TypeAlias = bool | str | Iterable[str]
 
 @dataclass(frozen=True)
 class Direction:
-    """From where a structure is seen.
+    """The direction from which a structure is seen.
 
     name: ``"iso"``, ``"front"``, ``"side"``, ``"top"``, or the text that was given; azimuth, elevation [deg]:
     of the eye: about +z from +x, and above the ground.
@@ -57,8 +57,8 @@ class PictureChoices:
     """Choices for one picture or film; the defaults are those of pictures without options.
 
     view: none: the direction from which the fewest members hide nodes.
-    size: width and height in pixels; None: what suits the structure.
-    labels: what has its names written: ``"nodes"``, ``"members"``.
+    size: width and height in pixels; None: a size that suits the structure.
+    labels: the things with their names written: ``"nodes"``, ``"members"``.
     color: one of COLORS.
     follow: whether the axes move with the centroid of the nodes.
     forces: whether loads and reactions are drawn.
@@ -327,7 +327,7 @@ def round_up(value: float, tolerance: float = 1e-9) -> float:
 
 
 def _ground_step(low: FloatArray, high: FloatArray, span: float) -> float:
-    """Return the step of a ground between low and high (2,), a finer one where whole cells reach too far."""
+    """Return the step of a ground between low and high (2,), a finer one if whole cells reach too far."""
     step = nice_step(span)
     reach = step * (np.ceil(high / step - OVERHANG) - np.floor(low / step + OVERHANG))
     return nice_step(FINER * STEPS * step) if float(reach.max()) > WASTE * span else step

@@ -289,7 +289,7 @@ class _Bodies:
         return self.external_force - ca.mtimes(self.tendon_matrix, tension) - friction
 
     def energy_rate(self) -> Scalar:
-        """Power of joints, damping and loads without potential [W]; a plain zero where there is none."""
+        """Power of joints, damping and loads without potential [W]; a plain zero if there is none."""
         power = ca.SX(0.0)
         if self.system.friction:
             power = power - 2.0 * self.dissipation

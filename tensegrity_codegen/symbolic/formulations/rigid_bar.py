@@ -158,7 +158,7 @@ class _RigidBar(NodeCoordinates):
         }
 
     def tangent_stiffness(self) -> ca.SX:
-        """Return the Hessian of U, zeros on the diagonal where no spring moves: nothing is no function."""
+        """Return the Hessian of U, zeros on the diagonal if no spring moves: nothing is no function."""
         stiffness = super().tangent_stiffness()
         if stiffness.nnz():
             return stiffness
@@ -202,7 +202,7 @@ class _RigidBar(NodeCoordinates):
 
     @cached_property
     def mu_inverse(self) -> list[Scalar]:
-        """Inverse of the spring constants of the rigid bars in the scene [m/N]; zero where they have none."""
+        """Inverse of the spring constants of the rigid bars in the scene [m/N]; zero if they have none."""
         return [ca.SX(1.0 / mu if mu else 0.0) for mu in self.elastic.mu[self.bars]]
 
     def stretch(self, n: int = 0) -> ca.SX:

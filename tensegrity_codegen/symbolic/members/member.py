@@ -115,7 +115,7 @@ class Member:
 
     @property
     def plain_length(self) -> Scalar:
-        """Length l_e [m], exactly 0 where the ends coincide."""
+        """Length l_e [m], exactly 0 if the ends coincide."""
         return member_length(self.vector)
 
     @cached_property

@@ -24,7 +24,7 @@ linear and rises; with phi_k(x), the flow at which T_(k+1) = x,
 
 phi_k(x) = max(0, chi_k(x / E_k)) + min(0, chi_k(x E_k)),  chi_(k+1)(x) = phi_k(x) + (x - a_(k+1)) / c
 
-so phi_k(x) is chi_k at that point from x / E_k to x E_k which is next to its root, and zero where the root
+so phi_k(x) is chi_k at that point from x / E_k to x E_k which is next to its root, and zero if the root
 lies there. Each ring adds two corners, each strand one at a. The last strand has chi(T) = 0 (no flow); going
 back, T_k is the root of chi_k where its ring sticks, or at the limit of its neighbour.
 """
@@ -61,7 +61,7 @@ class Strand(Member):
 
     @cached_property
     def divisor(self) -> Scalar:
-        """Length [m], 0 where the ends of a strand that pulls coincide: its pull has no direction there."""
+        """Length [m], 0 if the ends of a strand that pulls coincide: its pull has no direction there."""
         return self.length - ca.if_else(self.law.rest_length < self.law.length, MIN_LENGTH, 0)
 
     @cached_property
@@ -438,7 +438,7 @@ def _bound_limit(friction: float, before: Member, after: Member) -> tuple[Scalar
 def _find_angle(before: Member, after: Member) -> Scalar:
     """Return the angle between two strands [rad], 0 straight on and pi folded back; exact near both.
 
-    The root of the area between them has the derivative 0 where it is 0.
+    The root of the area between them has the derivative 0 if it is 0.
     """
     pairs = list(zip(before.vector, after.vector, strict=True))
     square = sum(((x * w - y * v) ** 2 for (x, v), (y, w) in combinations(pairs, 2)), ca.SX(0.0))

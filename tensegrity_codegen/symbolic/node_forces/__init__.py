@@ -1,7 +1,7 @@
 """Forces on nodes that are no members: the registry, with a class for each kind.
 
 A kind has a function `build_...(structure, arguments)` here, which returns its force on this structure, or
-None where the structure has none. What it remembers are internal states z, rows of the argument `internal`;
+None if the structure has none. What it remembers are internal states z, rows of the argument `internal`;
 their names are `Structure.internal_name`.
 """
 

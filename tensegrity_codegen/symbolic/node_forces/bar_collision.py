@@ -16,7 +16,7 @@ from tensegrity_codegen.symbolic.node_forces.node_force import NodeForce, Normal
 
 
 def build_bar_collision(structure: Structure, arguments: SymbolicArguments) -> "BarCollision | None":
-    """Return the forces between the bars of a structure, None where it has none."""
+    """Return the forces between the bars of a structure, None if it has none."""
     return None if structure.collision is None else BarCollision(structure, arguments)
 
 

@@ -31,7 +31,7 @@ ContactLaw = Any  # the fields of a Ground, numbers or symbols
 
 
 def build_ground_contact(structure: Structure, arguments: SymbolicArguments) -> "GroundContact | None":
-    """Return the contacts of a structure with its ground, None where it has no ground."""
+    """Return the contacts of a structure with its ground, None if it has no ground."""
     return None if structure.ground is None else GroundContact(structure, structure.ground, arguments)
 
 
@@ -127,7 +127,7 @@ def build_contact(
 
     These are over the modelled axes; bristle: one a tangent.
 
-    slips: 1 where it slips and 0 where it sticks, with a static friction.
+    slips: 1 if it slips and 0 if it sticks, with a static friction.
     """
     chosen = list(axes)
     basis = ground.tangents(axes)[: len(bristle), chosen]
@@ -192,7 +192,7 @@ class Contact:
 
     @cached_property
     def friction(self) -> Vector:
-        """F along the basis [N]; |T| divides only where the contact slips, and is not zero.
+        """F along the basis [N]; |T| divides only if the contact slips, and is not zero.
 
         An open contact whose T is zero has the derivatives of any open one: its factor is 0, as its limit.
         """

@@ -28,7 +28,7 @@ class NodeForce(Memory):
         """Return node -> force on it at rest, minus the gradient of `stored_energy` [N].
 
         What it remembers follows the nodes along this force: the derivative of z is that of the positions.
-        None where equilibria do not know the force: see structure/collision.py.
+        None if equilibria do not know the force: see structure/collision.py.
         """
         return {}
 

@@ -15,7 +15,7 @@ class Formulation:
 
     name: its name in scenes, requests and manifests: that of its module.
     order: place in lists of formulations.
-    sentence: what the coordinates are, for the documentation.
+    sentence: the meaning of the coordinates, for the documentation.
     options: its options with their allowed words; the first is the default.
     variants: options worth a try where another formulation does not serve a request.
     of_bodies: whether it models scenes of bodies and tendons, not of nodes and members.

@@ -12,7 +12,7 @@ Kind = Literal["adaptive", "fixed", "implicit"]
 
 @dataclass(frozen=True)
 class Integrator:
-    """What generator, run time, exports and scene files know of one integrator.
+    """The facts of one integrator, for generator, run time, exports and scene files.
 
     name: its name in scenes, in C and in methods of `simulate`. The C of one without a tableau is
         templates/c/NAME.h; see `kind`.
@@ -21,7 +21,7 @@ class Integrator:
         the struct NAME_work and the function NAME_advance, as templates/c/rk4.h has; one with error control
         the struct NAME_memory, the functions NAME_try and NAME_prepare and the constants of
         templates/c/tableau.h.
-    title: what the method is.
+    title: the name of the method.
     order: order of its steps.
     tableau: coefficients of an explicit Runge-Kutta method.
     quantities: quantities that it calls besides those of all integrators; with error control each one as the
@@ -32,12 +32,12 @@ class Integrator:
     noise_share, vibration_loss: with error control: as of a tableau.
     look: number of the colour, dash and marker of its line in diagrams of reports; tableaus have theirs
         there.
-    counts: what an implicit one counts, in the order of C.
+    counts: the counters of an implicit one, in the order of C.
     in_batches: whether it integrates several motions side by side.
     keeps_energy: whether its steps can end at the energy of the start.
     follows_events: whether its steps end at events, and follow values that change with time.
     in_single: whether it is there in single precision.
-    files: names of its C files where it is not one called `name`; the last one's name stands for `name` in
+    files: names of its C files if it is not one called `name`; the last one's name stands for `name` in
         it.
     iterates: whether its steps iterate, count their evaluations, and know the derivative at their end.
     with_contacts: what this name stands for where nodes touch the ground, bars press each other or members
@@ -71,7 +71,7 @@ class Integrator:
 
     @property
     def dense_title(self) -> str:
-        """What its dense output is called."""
+        """The name of its dense output."""
         order = self.dense_order
         return f"a polynomial of order {order}" if order else "quintic Hermite interpolation"
 

@@ -38,7 +38,7 @@ class LawParameter:
 
 @dataclass(frozen=True)
 class LawCheck:
-    """Members that break a rule of their law: which, the scene's key, what is wrong, what is allowed."""
+    """Members that break a rule of their law: which, the scene's key, the fault, the allowed values."""
 
     is_broken: BoolArray
     key: str
@@ -47,7 +47,7 @@ class LawCheck:
 
 
 class Law:
-    """A member law; subclasses override what differs from a linear spring.
+    """A member law; subclasses override its differences from a linear spring.
 
     A member follows the law whose parameters it has; the first of them must not be zero. Members without any
     are linear springs.
@@ -101,7 +101,7 @@ class Law:
     # Members with memory: the functions above take the names of `states` and `flags` among their values.
 
     def at_rest(self, values: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return the values for the law at rest, where no events set flags and time does not matter."""
+        """Return the values for the law at rest, without flags of events and independent of time."""
         return values
 
     def limit_slack(self, x: Scalar, values: Mapping[str, Any], where: Where) -> Scalar:
@@ -128,7 +128,7 @@ class Law:
         """Return the rest lengths [m] at which members of `length` [m] have `tension` [N].
 
         given: the scene's values; the stiffness that a member does not have is 0. Not positive or not finite
-        where there is none.
+        if there is none.
         """
         with np.errstate(all="ignore"):
             by_spring = length - tension / given["spring_constant"]

@@ -1,4 +1,4 @@
-"""Quantities of contacts with the ground, and of pairs of bars: how far apart, where, in which case."""
+"""Quantities of contacts with the ground, and of pairs of bars: their distances, points and cases."""
 
 from tensegrity_codegen.tables.quantities.quantity import Quantity
 

@@ -13,7 +13,7 @@ from tensegrity_codegen.tables.quantities.quantity import Quantity
 
 Scalar = Any  # an expression
 
-# What is known of a node, each a vector over the modelled axes but the mass, and whether rigid bars, whose
+# The data of a node, each a vector over the modelled axes but the mass, and whether rigid bars, whose
 # tensions are multipliers, are in it. A formulation has some of these, and offers the records that use no
 # others.
 BARS_IN = {
@@ -35,7 +35,7 @@ class NodeQuantity:
     row: name, symbol, unit, shape and sentence. A shape (n_nodes, n_axes) or (n_nodes,) has entries of all
         nodes, (n_coordinates,) and (n_anchored_coordinates,) the free or the anchored components of a vector.
     entries: node -> its result, a list of one entry, or of one for each axis.
-    uses: what it takes of the node, of BARS_IN.
+    uses: its data of the node, of BARS_IN.
     is_state: whether free node coordinates are the quantity itself, so that only other coordinates have it.
     """
 

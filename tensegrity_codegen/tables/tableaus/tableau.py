@@ -9,9 +9,9 @@ Row = Mapping[int, float]
 
 @dataclass(frozen=True)
 class Tableau:
-    """One explicit Runge-Kutta method: coefficients, error estimates, dense output, and what is known of it.
+    """One explicit Runge-Kutta method: coefficients, error estimates, dense output, and its properties.
 
-    title, source: what the method is called, and where its coefficients come from.
+    title, source: the name of the method, and the source of its coefficients.
     order: order of the step.
     rows: row i gives the state x + h sum_j row[j] k_j whose derivative is k_(i+1); k_0 is the derivative at
         the start of the step. The last row is the step itself: its derivative is the first of the next step.

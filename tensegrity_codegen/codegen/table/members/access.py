@@ -171,7 +171,7 @@ class OfFreeMembers:
 class AddToNodes:
     """Takes a pull from node i and gives it to node j.
 
-    target: C name of the array; index: (n_nodes, n_axes) entries of the array, -1 where there is none.
+    target: C name of the array; index: (n_nodes, n_axes) entries of the array, -1 if there is none.
     """
 
     target: str

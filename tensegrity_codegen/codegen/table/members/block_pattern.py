@@ -54,7 +54,7 @@ def check_entries(model: TableModel, quantity: str, count: int) -> None:
 
 
 def find_groups(model: TableModel) -> "MassGroups | None":
-    """Return the groups of coupled nodes, None where no bar couples two free ones."""
+    """Return the groups of coupled nodes, None if no bar couples two free ones."""
     groups = MassGroups(model)
     if not groups.coordinate:
         return None
@@ -175,7 +175,7 @@ class ColumnPattern(ABC):
         return np.searchsorted(self.flat_index, np.arange(self.n_columns + 1) * self.model.n_coordinates)
 
     def at(self, row: IntArray, column: IntArray) -> IntArray:
-        """Return the entries at rows and columns, -1 where either is -1."""
+        """Return the entries at rows and columns, -1 if either is -1."""
         row, column = np.broadcast_arrays(row, column)
         entries = np.searchsorted(self.flat_index, column * self.model.n_coordinates + row)
         return np.where((row >= 0) & (column >= 0), entries, -1)
@@ -232,7 +232,7 @@ Place = Callable[[int, int, int], str]  # from block, row and column to the C ex
 
 @dataclass(frozen=True)
 class AddBlocks(OfFreeMembers):
-    """Adds [S -S; -S S] of each member; S comes as rows, or as its upper triangle where it is symmetric.
+    """Adds [S -S; -S S] of each member; S comes as rows, or as its upper triangle if it is symmetric.
 
     target: C name of the values; pattern: where blocks land; before: another pattern whose columns come
     first, each column of this one then begins with the entry of an identity; size: C name of a variable
@@ -268,7 +268,7 @@ class AddBlocks(OfFreeMembers):
         return lines
 
     def entry(self, row: IntArray, column: IntArray) -> IntArray:
-        """Return the entry of `target` at rows and columns of coordinates, -1 where there is none."""
+        """Return the entry of `target` at rows and columns of coordinates, -1 if there is none."""
         entry = self.pattern.at(row, column)
         if self.before is None:
             return entry

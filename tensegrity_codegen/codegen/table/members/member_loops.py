@@ -35,7 +35,7 @@ IN_A_ROW = re.compile(r"(\w+)\[((?:\d+ \+ )?)\(e \+ 0\)\]")
 def write_fours(
     writer: Writer, access: MemberAccess, kernel_name: str, sink: "AddToNodes"
 ) -> list[str] | None:
-    """Return the loop over fours of members that leaves `e` behind the last one; None where there is none."""
+    """Return the loop over fours of members that leaves `e` behind the last one; None if there is none."""
     entry = sink.index[access.model.ends[access.member]]
     in_a_row = bool((entry >= 0).all()) and np.array_equal(entry, entry[:, :, :1] + np.arange(entry.shape[2]))
     if kernel_name not in PULLS or not in_a_row or not is_served(writer, access):
@@ -157,7 +157,7 @@ IN_LANES = {
 def write_block_fours(
     writer: Writer, access: MemberAccess, kernel_name: str, sink: AddBlocks
 ) -> list[str] | None:
-    """Return the loop over fours of members that leaves `e` behind the last one; None where there is none."""
+    """Return the loop over fours of members that leaves `e` behind the last one; None if there is none."""
     is_damped = kernel_name == "position_block" and access.group.member_class.damping != ABSENT
     if kernel_name not in IN_LANES or is_damped or not is_served(writer, access):
         return None

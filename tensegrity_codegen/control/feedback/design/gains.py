@@ -99,7 +99,7 @@ class Gains(Summarised):
         Returns
         -------
         Gains
-            The same design with fewer gains; all of them where there are no more than `count`.
+            The same design with fewer gains; all of them if there are no more than `count`.
 
         Raises
         ------
@@ -143,7 +143,7 @@ class Sensing:
     """The measurements of a model, number by number."""
 
     model: CompiledModel
-    sensors: tuple[Sensor, ...]  # what is measured
+    sensors: tuple[Sensor, ...]  # the sensors and their noise
     names: tuple[str, ...]  # name of each number, such as "length of top1" or "top1.x"
     noise: FloatArray  # (n_y,): standard deviation of each, in its unit
 
@@ -273,7 +273,7 @@ class Estimator(Summarised):
     disturbed : ndarray of int, shape (n_disturbances,)
         Indices of the coordinates that have a disturbance force.
     sensing : Sensing
-        What is measured, with names and noise.
+        The sensors, with names and noise.
     state_name : tuple of str
         Names of the states.
     """

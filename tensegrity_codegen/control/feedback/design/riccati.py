@@ -56,7 +56,7 @@ def find_stationary(
 
     The structure-preserving doubling algorithm (E. K.-W. Chu, H.-Y. Fan, W.-W. Lin, C.-S. Wang,
     "Structure-preserving algorithms for periodic discrete-time algebraic Riccati equations", International
-    Journal of Control 77, 2004): k steps of it are 2^k steps of the recursion. Where its solution does not
+    Journal of Control 77, 2004): k steps of it are 2^k steps of the recursion. If its solution does not
     stabilise the system (an unstable motion without weight), the ordered QZ decomposition of SciPy. Then the
     recursion itself, which contracts towards P.
     """
@@ -84,7 +84,7 @@ def find_stationary(
 
 
 def _solve_by_doubling(a: FloatArray, b: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray | None:
-    """Return the limit of the recursion from P = 0 backwards by doubling; None where it has none."""
+    """Return the limit of the recursion from P = 0 backwards by doubling; None if it has none."""
     n = len(a)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         try:

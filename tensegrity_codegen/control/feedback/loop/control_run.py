@@ -21,7 +21,7 @@ from tensegrity_codegen.system.summaries import Summarised
 COMPARED_PART = 1.0 / 6.0  # of the simulated time, in which errors are compared
 MIN_WORSE = 0.005  # of the size of the structure, by which a loop may end further away than the open loop
 OFTEN = 0.1  # of the commands: so many are often cut, or not solved
-# Statuses at which sums of errors stand still: what did it, and what avoids it.
+# Statuses at which sums of errors stand still: the cause, and a remedy.
 STANDSTILLS = {
     ("rate_limited", "range_limited"): (
         "cut to the rate or range of an actuator",
@@ -74,7 +74,7 @@ class ControlRun(Summarised):
     yielding : ndarray of bool, shape (n_t - 1, n_members), or None
         Members whose least tension could not be reached; None without a distribution of tensions.
     warnings : tuple of str
-        What to check.
+        Facts to check.
     slip : ndarray, shape (n_t, n_contacts) [m], or None
         How far the points have moved where feet stick; zero for those that are open at the start. None
         without friction.

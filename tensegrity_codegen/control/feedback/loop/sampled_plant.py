@@ -32,7 +32,7 @@ RTOL, ATOL = 1e-9, 1e-11
 MAX_STEPS = 100_000  # of one interval
 ENDINGS = ("non_finite_result", "step_too_small", "too_many_events")
 
-SAMPLE = 0.005  # [s], where no gains state another
+SAMPLE = 0.005  # [s], if no gains state another
 MAX_SAMPLES = 1_000_000
 
 
@@ -63,7 +63,7 @@ class Gust:
 
 @dataclass(frozen=True, eq=False)
 class Disturbance:
-    """What a simulated closed loop has and its controller does not know.
+    """Disturbances of a simulated closed loop that its controller does not know.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class Disturbance:
     axial_stiffness : array_like, shape (k,), optional [N]
         Of the simulated model, in the order of its run-time parameter.
     arguments : mapping, optional
-        Run-time parameters of the simulated model where they differ from the scene.
+        Run-time parameters of the simulated model if they differ from the scene.
     gust : Gust or sequence of Gust, optional
         Forces on nodes for a limited time.
     seed : int
@@ -265,7 +265,7 @@ def check_parts(
 
 
 def describe_unknown_delays(gains: Gains | None, bounds: ActuatorBounds) -> str:
-    """Return a sentence where gains are designed for other delays than those of the actuators, else ""."""
+    """Return a sentence if gains are designed for other delays than those of the actuators, else ""."""
     if gains is None or np.allclose(gains.delay, bounds.delay, rtol=1e-9, atol=1e-12):
         return ""
     designed, late = 1000 * float(gains.delay.max(initial=0.0)), 1000 * float(bounds.delay.max(initial=0.0))
@@ -290,7 +290,7 @@ def find_sample(gains: Gains | None, estimator: Estimator | None, sample: float 
     return check_positive(chosen, "sample", "[s]")
 
 
-# What a simulated loop starts from: number of samples, state, arguments of the simulated model.
+# The start of a simulated loop: number of samples, state, arguments of the simulated model.
 
 
 def count_samples(t_end: float, sample: float) -> int:
@@ -319,7 +319,7 @@ class LoopStart:
 def read_disturbance(
     model: CompiledModel, motion: Motion, disturbance: Disturbance | None, where: str = "disturbance"
 ) -> LoopStart:
-    """Return what a loop starts from."""
+    """Return the start of a loop."""
     check_instance(disturbance, (Disturbance, type(None)), where, "a Disturbance")
     stated = disturbance or Disturbance()
     seed = check_whole(stated.seed, "seed" if where == "disturbance" else f"{where}.seed", 0)

@@ -76,7 +76,7 @@ class CableTensions:
         return -(self.spring_constant + self.axial_stiffness * length / rest**2)
 
     def find_rest_length(self, length: FloatArray, tension: FloatArray) -> FloatArray:
-        """Return the rest lengths [m] at which tensions are reached; infinite where any one does."""
+        """Return the rest lengths [m] at which tensions are reached; infinite if any one does."""
         stiffness = {"spring_constant": self.spring_constant, "axial_stiffness": self.axial_stiffness}
         rest_length = np.full(len(length), np.inf)
         finite = np.isfinite(tension) & (self.spring_constant + self.axial_stiffness > 0.0)
@@ -139,7 +139,7 @@ def find_cables(
 class TensionLine:
     """Tensions as straight lines of changes of a command.
 
-    Where each actuator pulls one member, changes stand for tensions, so that lines and bounds are exact.
+    If each actuator pulls one member, changes stand for tensions, so that lines and bounds are exact.
     """
 
     cables: CableTensions
@@ -203,7 +203,7 @@ class TensionProgram:
         command: FloatArray,
         limits: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
     ) -> FloatArray | None:
-        """Return the change of the command (n_actuators,) [m]; None where the solver fails."""
+        """Return the change of the command (n_actuators,) [m]; None if the solver fails."""
         low, high, rows, top = limits
         size = np.linalg.norm(self.moved, axis=0)
         size = np.where(size > 0.0, size, max(float(size.max(initial=0.0)), 1.0))
@@ -254,13 +254,13 @@ class TensionDistribution(Summarised):
     model : CompiledModel
         The model that the controller knows.
     motion : Motion
-        The motion, with the preferred tensions where none are given.
+        The motion, with the preferred tensions if none are given.
     bounds : ActuatorBounds
         Rates and ranges.
     cables : CableTensions
         Rest lengths and laws of the members.
     least_tension : ndarray, shape (n_members,) [N]
-        Least tensions; -infinity where there is none.
+        Least tensions; -infinity if there is none.
     preferred : ndarray, shape (n_members,) [N], or None
         Preferred tensions; None: those of the motion.
     weight : float
@@ -402,7 +402,7 @@ def design_distribution(
     weight : float
         eps over the mean square of the entries of A.
     arguments : mapping, optional
-        Rest lengths and stiffnesses that the controller knows, where they differ from the scene.
+        Rest lengths and stiffnesses that the controller knows, if they differ from the scene.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The record of a study of feedback: what its loops show, its status and warnings."""
+"""The record of a study of feedback: the results of its loops, its status and warnings."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -208,7 +208,7 @@ class ControlStudy:
     motion : Motion
         The motion.
     tuning : Tuning
-        Weights, and what they were chosen from.
+        Weights, and the values from which they were chosen.
     gains : Gains
         Feedback.
     mpc : Mpc or None
@@ -218,7 +218,7 @@ class ControlStudy:
     distribution : TensionDistribution or None
         Distribution of tensions, of both loops with feedback.
     errors : StatedErrors
-        What disturbs.
+        The disturbances.
     bounds : ActuatorBounds
         Rates, ranges and delays of the actuators.
     drawn : tuple of DrawnErrors
@@ -284,7 +284,7 @@ class ControlStudy:
         )
 
     def _describe_slow_errors(self) -> list[str]:
-        """Return a sentence where errors are compared before the slowest one has decayed."""
+        """Return a sentence if errors are compared before the slowest one has decayed."""
         slowest = max(find_time_constants(self.gains, self.estimator))
         needed = find_needed_time(self.motion, slowest)
         if not self.t_end < 0.99 * needed < np.inf:
@@ -327,7 +327,7 @@ class ControlStudy:
         return arrays
 
 
-# What the loops of a study show: status and warnings.
+# The outcome of the loops of a study: status and warnings.
 
 
 def judge_study(loops: Mapping[str, LoopResult], tolerance: float) -> tuple[str, str]:

@@ -193,7 +193,7 @@ def design_slow_estimator(
     sensors share many disturbance forces, the filter lets noise move the estimate so far that the model is
     not linear any more. They are divided by 10 further where noise then moves the nodes of the linear loop
     by a fifth less at least (Lyapunov's equation), if the estimate still settles before errors are compared;
-    three times at most in all. The warning is None where they are the default.
+    three times at most in all. The warning is None if they are the default.
     """
     parameters = merge_inputs(model.manifest, arguments)
     usual = DISTURBED_PART * find_usual_forces(model, motion, parameters)
@@ -207,7 +207,7 @@ def design_slow_estimator(
         )  # fmt: skip
 
     def move(estimator: Estimator) -> float:
-        """Return by how much noise moves the nodes of the loop [m], infinite where it settles too late."""
+        """Return by how much noise moves the nodes of the loop [m], infinite if it settles too late."""
         loop = build_linear_loop(model, motion, gains, gains.delay, estimator, parameters)
         is_slow = np.abs(estimator.E).max() > np.exp(-gains.sample / settling)
         return np.inf if is_slow else float((loop.deviation() * scales.lever).max(initial=0.0))
@@ -224,7 +224,7 @@ def design_slow_estimator(
         designs.append(design(count))
     if len(designs) == 1:
         return designs[0], None
-    # What changed, in words.
+    # The changes, in words.
     divisor = 10 ** (len(designs) - 1)
     before, after = (predict_displacement(each, scales) for each in (designs[0], designs[-1]))
     reason = f"more than {_show_length(tolerance)}"
@@ -258,11 +258,11 @@ def _show_length(length: float) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Margins:
-    """What a linear loop stands before it becomes unstable.
+    """The margins of a linear loop before it becomes unstable.
 
     is_stable: whether the loop itself is stable.
-    delay [s]: largest further delay of all actuators, infinite where ten samples more are not too many.
-    gain: largest factor of the effect of all actuators, infinite where 11 is not too much.
+    delay [s]: largest further delay of all actuators, infinite if ten samples more are not too many.
+    gain: largest factor of the effect of all actuators, infinite if 11 is not too much.
     radius: largest modulus of an eigenvalue of the transition of one sample, below 1 for a stable loop.
     disk: disk margin where the effects of all actuators change at once, each by its own factor: at least
         this.
@@ -296,7 +296,7 @@ def find_phase(disk: float) -> float:
 
 
 def find_margins(loop: LinearLoop) -> Margins:
-    """Return what a loop stands: delay and gain to about 1 %, disks at its worst frequencies."""
+    """Return the margins of a loop: delay and gain to about 1 %, disks at its worst frequencies."""
     radius = loop.radius()
     if not radius < 1.0:
         return Margins(False, 0.0, 1.0, radius, 0.0, np.zeros(len(loop.delay)))
@@ -312,7 +312,7 @@ def find_margins(loop: LinearLoop) -> Margins:
 
 
 def _find_first(radius: Callable[[float], float], stable: float, values: Sequence[float]) -> float:
-    """Return the largest value below which loops are stable, infinite where all values are."""
+    """Return the largest value below which loops are stable, infinite if all values are."""
     for value in values:
         if radius(value) < 1.0:
             stable = value
@@ -369,7 +369,7 @@ def find_disks(loop: LinearLoop) -> tuple[float, FloatArray]:
 def predict_errors(loop: LinearLoop, model: CompiledModel, coordinate: FloatArray) -> dict[str, float]:
     """Return the distance of each node from its place that noise of the sensors causes, by its name [m].
 
-    Root of its mean square in the stationary loop, infinite where the loop is unstable; 0 without an
+    Root of its mean square in the stationary loop, infinite if the loop is unstable; 0 without an
     estimator.
     """
     covariance, names = loop.covariance(), model.manifest.node_name

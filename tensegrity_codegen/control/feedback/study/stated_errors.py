@@ -57,7 +57,7 @@ class RandomGust:
 
 @dataclass(frozen=True)
 class StatedErrors:
-    """What disturbs the loops of a study.
+    """The disturbances of the loops of a study.
 
     Attributes
     ----------
@@ -301,7 +301,7 @@ def read_times(sample: float, default: float, t_end: float | None, last: float |
 
 
 def _check_window(sample: float, end: float, t_end: float | None) -> None:
-    """Raise InvalidValueError where the part at whose end errors are compared is shorter than a sample."""
+    """Raise InvalidValueError if the part at whose end errors are compared is shorter than a sample."""
     if _is_a_sample(end / COMPARED_PART, sample):
         return
     raise InvalidValueError(

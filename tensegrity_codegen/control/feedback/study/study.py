@@ -95,14 +95,14 @@ def study_control(
     errors : StatedErrors, optional
         Disturbances; by default every coordinate off at the start and stiffnesses off by 5 %.
     sample : float [s]
-        Time between two commands, where no gains are given.
+        Time between two commands, if no gains are given.
     t_end : float, optional [s]
         Simulated time; by default three times the motion, longer where the slowest error needs it.
     draws : int or Draws
         Number of draws of the disturbances; a `Draws` also with their seed, the time in which errors are
         compared, and many at once in C.
     arguments : mapping, optional
-        Inputs and run-time parameters where they differ from the scene, known to the controller.
+        Inputs and run-time parameters if they differ from the scene, known to the controller.
     progress : callable, optional
         Called with the fraction done.
 
@@ -204,7 +204,7 @@ class _Work:
 
     def study(self, progress: Callable[[float], None] | None) -> ControlStudy:
         """Judge the linear loops, simulate all draws; of the worst one the runs are kept."""
-        # What the linear loops stand, and what errors noise will cause in them.
+        # The margins of the linear loops, and the errors that noise will cause in them.
         names = [name for name in LOOPS if name != LOOPS[2] or self.estimator is not None]
         structure, bounds = self.model.structure, find_bounds(self.model, self.motion)
         assert structure is not None  # find_bounds refuses models without
@@ -242,7 +242,7 @@ class _Work:
                 if rank > worst:
                     worst, number = rank, draw
                     worst_runs = {name: runs[name][draw - start] for name in names}
-        # What the loops show.
+        # The results of the loops.
         loops = {name: LoopResult(name, tuple(rows[name]), worst_runs[name]) for name in names}
         status, message = judge_study(loops, self.tuning.tolerance)
         return ControlStudy(

@@ -49,7 +49,7 @@ class Scales:
     size: float  # [m]: longest side of the box around the nodes
     lever: FloatArray  # (n_coordinates,) [m/rad or 1]: the most that a unit of each coordinate moves a node
     is_angle: BoolArray  # (n_coordinates,): which coordinates are angles
-    frequency: float  # [rad/s]: lowest natural frequency, without damping; 0 where no motion has stiffness
+    frequency: float  # [rad/s]: lowest natural frequency, without damping; 0 if no motion has stiffness
     # (n_coordinates, n_actuators) [m/m]: by how much a unit of each actuator's input moves each coordinate at
     # rest, times its lever
     static_gain: FloatArray
@@ -99,7 +99,7 @@ def _without_input(arguments: Mapping[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class Tuning:
-    """Weights of `design_lqr`, and what they were chosen from.
+    """Weights of `design_lqr`, and the values from which they were chosen.
 
     Attributes
     ----------
@@ -168,12 +168,12 @@ def choose_weights(
         Names of coordinates whose errors are summed, none for an empty one; by default all coordinates, or
         where the actuators cannot move all of them at rest, the displacements that they move most.
     arguments : mapping, optional
-        Run-time parameters where they differ from the scene.
+        Run-time parameters if they differ from the scene.
 
     Returns
     -------
     Tuning
-        Weights and what they were chosen from.
+        Weights, and the values from which they were chosen.
 
     Raises
     ------
