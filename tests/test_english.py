@@ -126,9 +126,9 @@ VAGUE = {
     *("share", "shares", "first", "last", "least", "most", "both", "each", "whole", "apart", "near"),
     *("far", "more", "word", "words", "what", "which", "where", "there", "behind", "beside", "text"),
 }
-MAX_VAGUE = 40.0
+MAX_VAGUE = 20.0
 # Of 1,000 words in docstrings and comments: nouns instead of clauses.
-MAX_CLAUSES = {"what": 4.0, "where": 6.0}
+MAX_CLAUSES = {"what": 3.0, "where": 5.0}
 
 
 def test_variables_are_named_by_nouns() -> None:

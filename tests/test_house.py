@@ -216,7 +216,24 @@ def test_the_list_of_verbs_imports_no_package_that_computes() -> None:
 
 
 # Lines of Python that a room may have; who needs more changes the number in the same commit, and says why.
-MAX_LINES: dict[str, int] = {}
+MAX_LINES = {
+    "analyses": 5_600,
+    "cli": 5_200,
+    "codegen": 11_400,
+    "control": 13_650,
+    "export": 3_050,
+    "live": 1_300,
+    "pipeline": 3_850,
+    "report": 5_500,
+    "runtime": 20_800,
+    "scene": 11_750,
+    "structure": 3_350,
+    "studies": 7_900,
+    "sweeps": 9_000,
+    "symbolic": 5_950,
+    "system": 2_200,
+    "tables": 2_900,
+}
 
 
 @pytest.mark.parametrize("room", MAX_LINES)
