@@ -30,7 +30,7 @@ OPTIONAL = {package: extra for extra, packages in PACKAGES.items() for package i
 
 
 def examine_installation() -> dict[str, Any]:
-    """Return what `doctor --json` prints."""
+    """Return the facts that `doctor --json` prints."""
     packages = {name: _version(name) for name in (*NEEDED, *OPTIONAL)}
     compilers = _compilers()
     problems = [f"{name} is not installed" for name in NEEDED if packages[name] is None]
@@ -85,7 +85,7 @@ def _compilers() -> list[dict[str, Any]]:
 
 
 def _compiler_problems(rows: list[dict[str, Any]]) -> list[str]:
-    """Return what keeps libraries from being built: no compiler works, or not the one that is chosen."""
+    """Return the reason why libraries cannot be built: no compiler works, or not the one that is chosen."""
     if not any(row["works"] for row in rows):
         return [f"no working C compiler: {name_install('cc')}"]
     try:
@@ -104,7 +104,7 @@ def _compiler_problems(rows: list[dict[str, Any]]) -> list[str]:
 
 
 def _measure_cache(cache: Cache) -> tuple[int, list[str]]:
-    """Return the bytes in the cache, and what is wrong with it."""
+    """Return the bytes in the cache, and its problem."""
     try:
         return cache.size(), []
     except UnsafeCacheError as error:

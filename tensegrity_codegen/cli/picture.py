@@ -218,11 +218,7 @@ ThreeOption = Annotated[
 
 
 def show_live(
-    output: Output,
-    scene: Path,
-    out: Path,
-    trajectory: Path | None,
-    options: "ShowOptions",
+    output: Output, scene: Path, out: Path, trajectory: Path | None, options: "ShowOptions"
 ) -> tuple[dict[str, Any], str]:
     """Write a live page of a scene; return the result of the verb as data and as text."""
     from tensegrity_codegen.live.draw import find_modes

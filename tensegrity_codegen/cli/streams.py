@@ -28,7 +28,7 @@ def print_text(text: str) -> None:
 
 
 def print_aside(line: str) -> None:
-    """Write one line to stderr at once; where nobody can read it, it is dropped."""
+    """Write one line to stderr at once; it is dropped if nobody can read it."""
     if sys.stderr is None:  # closed by the caller
         return
     try:
@@ -62,7 +62,7 @@ class ProgressBar:
     DELAY = 1.0  # [s]
     INTERVAL = 10.0  # [s]
     REFRESH = 0.1  # [s]
-    IDLE = "working"  # title where no pass runs
+    IDLE = "working"  # title without a pass
 
     def __init__(self, console: "Callable[[], Console]", clock: Callable[[], float] = time.monotonic) -> None:
         self.title = self.IDLE

@@ -30,7 +30,7 @@ OverwriteOption = Annotated[
 
 @dataclass(frozen=True)
 class CaseOptions:
-    """What states the cases."""
+    """Statements of the cases."""
 
     over: Annotated[
         list[str] | None,
@@ -132,7 +132,7 @@ def name_option(argument: str) -> str:
 
 
 def read_operation_options(given: dict[str, Any]) -> dict[str, Any]:
-    """Return the values of options by the names of their fields, None where they are not stated."""
+    """Return the values of options by the names of their fields, None unless they are stated."""
     from tensegrity_codegen.analyses.cases.registry import ANALYSES
 
     stated: dict[str, Any] = {}

@@ -105,12 +105,7 @@ class BuiltLibrary(Summarised):
         return self.build_again().load(precision=precision)
 
     def export(
-        self,
-        folder: str | Path,
-        *,
-        overwrite: bool = False,
-        inputs: Iterable[Path] = (),
-        wheel: bool = False,
+        self, folder: str | Path, *, overwrite: bool = False, inputs: Iterable[Path] = (), wheel: bool = False
     ) -> Path:
         """Copy sources, example, build files, manifest and library into a folder: all of them, or none.
 
@@ -205,6 +200,7 @@ def build_library(
     kind = "measured" if measure else "estimated" if calls is None else "many"
     if calls is not None and calls <= FEW_CALLS and structure.n_members <= MOST_QUICK_MEMBERS:
         kind, flag_set = "few", compile_quickly(flag_set)
+    # A request that led to a library before leads to it again, without its source being generated.
     toolchain = describe_toolchain(tool, flag_set, machine)
     identity = _Identity.of(structure, request)
     request_key = _request_key(identity, toolchain, kind)
@@ -215,13 +211,7 @@ def build_library(
         assert entry is not None
         cache.drop(entry.key)
         return build_library(
-            structure,
-            request,
-            compiler=compiler,
-            target=target,
-            cache=cache,
-            measure=measure,
-            calls=calls,
+            structure, request, compiler=compiler, target=target, cache=cache, measure=measure, calls=calls
         )
 
     if entry is None or manifest is None:
@@ -299,14 +289,7 @@ class _Identity:
 
 def _request_key(identity: _Identity, toolchain: str, kind: str) -> str:
     package = hash_package_state(Path(__file__).resolve().parents[1], template_folder())
-    return hash_text(
-        identity.structure,
-        identity.request,
-        package,
-        version("casadi"),
-        toolchain,
-        kind,
-    )
+    return hash_text(identity.structure, identity.request, package, version("casadi"), toolchain, kind)
 
 
 def _find(cache: Cache, request_key: str, identity: _Identity) -> tuple[CacheEntry | None, Manifest | None]:
@@ -318,12 +301,7 @@ def _find(cache: Cache, request_key: str, identity: _Identity) -> tuple[CacheEnt
 
 
 def _emit(
-    structure: Subject,
-    request: ModelRequest,
-    compiler: Compiler,
-    flags: FlagSet,
-    target: Target,
-    kind: str,
+    structure: Subject, request: ModelRequest, compiler: Compiler, flags: FlagSet, target: Target, kind: str
 ) -> "GeneratedSource":
     # Imported here, so that a library from the cache costs no import of CasADi.
     from tensegrity_codegen.codegen.emit import emit

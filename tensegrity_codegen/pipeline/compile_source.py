@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING
 
 from tensegrity_codegen.codegen.compilation.cache import MANIFEST_FILE, Cache, CacheEntry
 from tensegrity_codegen.codegen.compilation.compile import compile_library
-from tensegrity_codegen.codegen.compilation.fingerprint import (
-    hash_text,
-)
+from tensegrity_codegen.codegen.compilation.fingerprint import hash_text
 from tensegrity_codegen.codegen.compilation.flags import (
     Compiler,
     FlagSet,
@@ -76,6 +74,7 @@ def compile_source(
             if known is not None:
                 return entry, known
             cache.drop(key)
+        # Source, manifest, library and log are one entry, which appears when the library has been checked.
         artifact = compile_library(
             {name: text for name, text in sources.items() if is_library_source(name)},
             name=manifest.name,

@@ -86,7 +86,7 @@ def motion_function(
 
 
 class _Shooting:
-    """What motions are integrated with, and the shapes of what they depend on."""
+    """Settings of motions, and the shapes of the arguments that they depend on."""
 
     def __init__(
         self,
@@ -109,7 +109,7 @@ class _Shooting:
         return (shape[0], 1) if len(shape) == 1 else (shape[1], shape[0])
 
     def run(self, given: Sequence[ca.DM]) -> tuple[TapedRun, FloatArray | None]:
-        """Return a run that is at its end, and its states (n_t, n_states); None where it fails."""
+        """Return a run that is at its end, and its states (n_t, n_states); None if it fails."""
         values = {
             name: np.array(value).T.reshape(shape)
             for name, value, shape in zip(self.by, given, self.shapes, strict=True)

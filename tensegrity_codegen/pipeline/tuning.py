@@ -38,7 +38,7 @@ class TuningRow:
     emitter: str
     compiler: str = ""  # its family
     version: str = ""
-    command: str = ""  # what calls it
+    command: str = ""  # of the compiler
     flags: str = ""
     ns: Mapping[str, float] = field(default_factory=dict)
     total: float | None = None  # of what was asked for, None where `problem` says why
@@ -154,6 +154,7 @@ def _measure(
                     row = replace(row, problem=error.problem)
                     errors.append(error)
                 rows.append(row)
+        # All are timed after all are compiled, so that no compiler runs beside a measurement.
         answers = run_drivers(list(programs.values()))
     for number, answer in zip(programs, answers, strict=True):
         if isinstance(answer, TensegrityError):

@@ -1,4 +1,4 @@
-"""The description of a sweep: what its results follow from, and a sentence and unit of each key."""
+"""The description of a sweep: sources of its results, and a sentence and unit of each key."""
 
 import platform
 import re
@@ -37,7 +37,7 @@ def identify_sweep(scene: SceneSource, cases: Cases, operation: CaseAnalysis) ->
     structure, request = load_scene(scene)
     return {
         "scene": document,
-        "structure_hash": hash_scene(structure, request),  # of what files beside the scene hold too
+        "structure_hash": hash_scene(structure, request),  # of files beside the scene too
         "operation": operation.describe(),
         "cases": cases.describe(),
         "tensegrity_codegen": VERSION,
@@ -45,7 +45,7 @@ def identify_sweep(scene: SceneSource, cases: Cases, operation: CaseAnalysis) ->
 
 
 def describe_facts(scene: SceneSource, plan: SweepPlan, operation: CaseAnalysis) -> dict[str, Any]:
-    """Return what else is kept with the results: attributes of the data set, JSON-ready."""
+    """Return the facts that are stored with the results: attributes of the data set, JSON-ready."""
     structure, (document, _) = plan.groups[0].structure, read_scene_document(scene)
     return {
         "title": f"sweep of {structure.name}: {operation.name} of {plan.cases.count} cases",
@@ -75,14 +75,14 @@ def _read_text(scene: SceneSource) -> str:
 
 
 def describe_key(key: str, document: Mapping[str, Any], subject: Subject) -> dict[str, str]:
-    """Return the attributes of a key's values: `long_name`, and `units` where they are known."""
+    """Return the attributes of a key's values: `long_name`, and `units` if they are known."""
     sentence, unit = _of_scene(key, document) or _of_structure(key, subject)
     attributes = {"long_name": f"{key} of the scene" + (f": {sentence}" if sentence else "")}
     return attributes | ({"units": unit} if unit else {})
 
 
 def _of_scene(key: str, document: Mapping[str, Any]) -> tuple[str, str] | None:
-    """Return sentence and unit of a number of the scene file, None where the key is none."""
+    """Return sentence and unit of a number of the scene file, None for another key."""
     try:
         steps = KeyPath.find(key, document).steps
     except TensegrityError:

@@ -69,7 +69,7 @@ class Place:
 
     @property
     def word(self) -> str:
-        """What stands here, in a message: "a table", "a list", "a text", ..."""
+        """The kind of value, in a message: "a table", "a list", "a text", ..."""
         if isinstance(self.value, bool):
             return "true or false"
         types = {variant.get("type", "") for variant in self._variants()}
@@ -86,7 +86,7 @@ class Place:
         return list(dict.fromkeys([*self.schema.get("properties", {}), *stated]))
 
     def index_of(self, step: str | int) -> str | int | None:
-        """Return where the value has what `step` names: a key, a number of a list, an item by its name."""
+        """Return the index of `step` in the value: a key, a number of a list, an item by its name."""
         if isinstance(self.value, list) and isinstance(step, str):
             named = (
                 k
@@ -97,7 +97,7 @@ class Place:
         return step
 
     def below(self, step: str | int) -> "Place | None":
-        """Return the place that `step` leads to, None where there can be none."""
+        """Return the place that `step` leads to, None if there can be none."""
         index = self.index_of(step)
         if index is None:
             return None
@@ -166,7 +166,7 @@ def _needs_keys(schema: Mapping[str, Any] | None) -> bool:
 
 
 _STEP = re.compile(r"(?:^|\.)([A-Za-z_][A-Za-z0-9_]*)|\[(\d{1,9})\]")
-# Vectors that mean zero where a scene has none, so that one of their numbers can be set.
+# Vectors that are zero if a scene has none, so that one of their numbers can be set.
 ZERO_VECTORS = ("gravity", "velocity", "centre_velocity")
 
 Steps = tuple[str | int, ...]
@@ -227,7 +227,7 @@ class KeyPath:
         return cls(text, tuple(indices), node.bounds)
 
     def read(self, document: Mapping[str, Any]) -> float | None:
-        """Return the number, None where the scene does not state it."""
+        """Return the number, None if the scene does not state it."""
         value: Any = document
         for step in self.steps:
             try:

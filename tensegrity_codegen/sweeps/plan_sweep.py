@@ -43,12 +43,12 @@ SLOW = 1.0  # [s] of a first call, from which it counts
 class PlannedSweep:
     """A sweep before it starts."""
 
-    work: SweepWork  # plan, operation and outputs: what `run_sweep` takes
+    work: SweepWork  # plan, operation and outputs, for `run_sweep`
     libraries: Libraries = field(repr=False)  # libraries of the groups; the first one is loaded
     case_seconds: float  # measured time of a case on one core [s]
     build_seconds: float  # time that the first library took, 0 if it was in the cache [s]
     workers: int  # number of processes for which the time is estimated
-    notes: tuple[str, ...]  # what a user should know of the cases
+    notes: tuple[str, ...]  # notes on the cases for the user
 
     @property
     def seconds(self) -> float:
@@ -127,20 +127,16 @@ def plan_sweep(
     build_seconds = time.perf_counter() - started
     outputs, is_joint = _find_outputs(operation, groups, libraries)
     case_seconds = _measure(cases, groups[0], libraries, operation)
+    # The size of a task is bounded by its time, the number of workers and the size of its results.
     if task_size is None:
         by_time = TASK_SECONDS / max(case_seconds, 1e-9)
         by_workers = cases.count / (LEAST_TASKS * workers)
         by_size = MOST_BYTES / max(_row_bytes(outputs), 1)
         task_size = max(int(min(by_time, by_workers, by_size, MOST_CASES)), LANES)
     task_size = read_count(task_size, "task_size", "number of cases of a task")
-    plan = SweepPlan(
-        cases,
-        groups,
-        divide_cases(cases, groups, task_size),
-        task_size,
-        case_seconds * cases.count,
-        cases.count * _row_bytes(outputs),
-    )
+    tasks = divide_cases(cases, groups, task_size)
+    seconds, size = case_seconds * cases.count, cases.count * _row_bytes(outputs)
+    plan = SweepPlan(cases, groups, tasks, task_size, seconds, size)
     loop_names = OF_LOOPS if operation.needs_scene else ()
     names = {*loop_names, *(argument.name for argument in model.manifest.arguments)}
     notes = (*_note_sample(cases), *_note_accuracy(operation), *_note_groups(cases, groups, names))

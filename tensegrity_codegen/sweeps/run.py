@@ -1,4 +1,4 @@
-"""Run a plan: compute what is not finished yet, and store each task once; its progress and outcome."""
+"""Run a plan: compute unfinished tasks, and store each task once; its progress and outcome."""
 
 import time
 from collections import Counter
@@ -69,7 +69,7 @@ class SweepOutcome:
     empty: tuple[str, ...] = ()  # results that were asked for by `keep` and are NaN in every finished case
 
     def describe_empty(self) -> str:
-        """Return a warning of results that are NaN in every finished case, "" where there are none."""
+        """Return a warning of results that are NaN in every finished case, "" without any."""
         names = ", ".join(self.empty)
         return f"every value of {names} is NaN: these cases do not have what `keep` asks for" if names else ""
 
@@ -126,7 +126,7 @@ def run_sweep(
 
 @dataclass(eq=False)
 class _Run:
-    """One run of a sweep: what is counted while its tasks are stored."""
+    """One run of a sweep, with counts of its stored tasks."""
 
     cases: int
     store: SweepStore
@@ -191,7 +191,7 @@ class _Run:
 
 
 def check_stop_after(stop_after: Any) -> None:
-    """Raise InvalidValueError for what is no number of failed cases."""
+    """Raise InvalidValueError unless this is a number of failed cases."""
     if stop_after is not None:
         check_whole(stop_after, "stop_after", 1, problem="not a number of cases")
 

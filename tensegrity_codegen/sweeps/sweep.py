@@ -37,27 +37,16 @@ class PreparedSweep:
     workers: int | Cluster  # number of processes on this machine, or a cluster
 
     def run(
-        self,
-        out: str | Path,
-        *,
-        stop_after: int | None = None,
-        on_progress: ShowProgress | None = None,
+        self, out: str | Path, *, stop_after: int | None = None, on_progress: ShowProgress | None = None
     ) -> SweepOutcome:
-        """Compute what is not finished in a folder (.zarr), with progress after every task."""
+        """Compute the unfinished tasks of a folder (.zarr), with progress after every task."""
         engine: Engine = (
             DaskEngine(self.workers.address, self.workers.wait)
             if isinstance(self.workers, Cluster)
             else LocalEngine(self.workers, self.planned.libraries)
         )
-        return run_sweep(
-            self.planned.work,
-            out,
-            engine,
-            identity=self.identity,
-            facts=self.facts,
-            stop_after=stop_after,
-            on_progress=on_progress,
-        )
+        options: dict[str, Any] = {"stop_after": stop_after, "on_progress": on_progress}
+        return run_sweep(self.planned.work, out, engine, identity=self.identity, facts=self.facts, **options)
 
 
 def prepare_sweep(
@@ -71,7 +60,7 @@ def prepare_sweep(
     yes: bool = False,
     option: str = "yes",
 ) -> PreparedSweep:
-    """Plan a sweep, the tasks as in its folder where that holds a part of it."""
+    """Plan a sweep, with the tasks of its folder if that holds a part of it."""
     resources = check_workers(workers)
     count = count_workers() if isinstance(resources, Cluster) else resources
     identity = identify_sweep(scene, cases, operation)
@@ -166,27 +155,17 @@ def sweep(
     check_stop_after(stop_after)
     check_callback(on_progress, "on_progress")
     check_switch(yes, "yes")
-    check_instance(
-        scene,
-        (str, os.PathLike, Mapping, Scene),
-        "scene",
-        "the name of a scene file, a dictionary, or a Scene",
-    )
+    allowed = "the name of a scene file, a dictionary, or a Scene"
+    check_instance(scene, (str, os.PathLike, Mapping, Scene), "scene", allowed)
     check_instance(sample, (Sampling, type(None)), "sample", "Sampling(distributions, n)")
     check_zarr()
     drawn = sample or Sampling((), 1)
-    cases = build_cases(
-        over,
-        drawn.distributions,
-        table,
-        n=drawn.n if sample else None,
-        seed=drawn.seed,
-        method=drawn.method,
-        yes=yes,
-    )
+    n, seed, method = drawn.n if sample else None, drawn.seed, drawn.method
+    cases = build_cases(over, drawn.distributions, table, n=n, seed=seed, method=method, yes=yes)
     operation = build_analysis(do, keep, **options)
     prepared = prepare_sweep(scene, cases, operation, out=out, workers=workers, task_size=task_size, yes=yes)
     run_options: dict[str, Any] = {"stop_after": stop_after, "on_progress": on_progress}
+    # Without a folder the results are in memory only.
     if out is not None:
         try:
             return _open_outcome(prepared.run(out, **run_options))

@@ -54,8 +54,7 @@ TargetOption = Annotated[
     ),
 ]
 WheelOption = Annotated[
-    bool,
-    typer.Option("--wheel", help="Add a Python package of the library to --out; it needs NumPy alone."),
+    bool, typer.Option("--wheel", help="Add a Python package of the library to --out; it needs NumPy alone.")
 ]
 
 
@@ -225,11 +224,7 @@ def _check_wheel(target: str | None, scene: str, out: Path | None) -> None:
 
 
 def _tune(
-    structure: "Subject",
-    request: "ModelRequest",
-    compiler: str | None,
-    tuning: TuneOptions,
-    measure: bool,
+    structure: "Subject", request: "ModelRequest", compiler: str | None, tuning: TuneOptions, measure: bool
 ) -> "TunedLibrary":
     """Return the fastest library for this machine, and what it was compared with."""
     from tensegrity_codegen.codegen.compilation.flags import MEASURED
@@ -253,12 +248,7 @@ def _report(
     """Print what a library contains, where it is, and which command uses it."""
     from tensegrity_codegen.codegen.wheels.wheel import wheel_file_name
     from tensegrity_codegen.report.long_table import add_row, new_table
-    from tensegrity_codegen.report.tables import (
-        describe_parts,
-        functions_table,
-        left_out_table,
-        memory_table,
-    )
+    from tensegrity_codegen.report.tables import describe_parts, functions_table, left_out_table, memory_table
     from tensegrity_codegen.system.summaries import describe_count
 
     data, tables = _describe(built, folder), [functions_table(built.manifest), left_out_table(built.manifest)]
@@ -280,12 +270,12 @@ def _report(
         tables.append(memory_table(memory.code_bytes, memory.stack_bytes))
     how = "from the cache" if built.from_cache else f"built with {built.compiler}"
     manifest = built.manifest
-    functions = {
+    contents = {
         "function": manifest.functions,
         "integrator": manifest.integrators,
         "solver": manifest.solvers,
     }
-    held = ", ".join(describe_count(len(entries), kind) for kind, entries in functions.items() if entries)
+    held = ", ".join(describe_count(len(entries), kind) for kind, entries in contents.items() if entries)
     if not held:
         output.warn(
             "the library has no function: name quantities in model.quantities of the scene, integrators in "

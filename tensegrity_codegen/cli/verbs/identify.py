@@ -63,8 +63,7 @@ def identify(
     hold_out: HoldOutOption = 0.0,
     profile: ProfileOption = None,
     out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", help="Write the scene with the values found (.toml)."),
+        Path | None, typer.Option("--out", "-o", help="Write the scene with the values found (.toml).")
     ] = None,
     overwrite: OverwriteOption = False,
     compiler: CompilerOption = None,

@@ -101,12 +101,9 @@ def import_foreign(
         check_output(out, inputs=sources, overwrite=overwrite)
         write_scene(imported.document, out, overwrite=overwrite)
         turned = any("lies on its side" in note for note in imported.notes)
-        doubts = [
-            doubt for doubt in find_scene_warnings(structure) if not (turned and "on its side" in doubt)
-        ]
-        notes = (*imported.notes, *doubts)
-        for note in notes:
-            output.warn(note)
+        doubts = find_scene_warnings(structure)
+        notes = (*imported.notes, *(note for note in doubts if not (turned and "on its side" in note)))
+        output.warn(*notes)
         if name is None and structure.name != out.stem:
             output.note(_describe_name(structure.name, out.stem))
         data = {"n_nodes": structure.n_nodes, "n_members": structure.n_members, "notes": notes}

@@ -15,15 +15,12 @@ from tensegrity_codegen.system.errors import InvalidValueError
 MOST_SAMPLES = 100_000
 
 StartOption = Annotated[
-    str,
-    typer.Option("--from", help="Azimuth, declination [deg], height [m]: al,de,Z.", show_default=False),
+    str, typer.Option("--from", help="Azimuth, declination [deg], height [m]: al,de,Z.", show_default=False)
 ]
 EndOption = Annotated[
     str,
     typer.Option(
-        "--to",
-        help="Azimuth and declination [deg]: al,de; al alone with --zero-torque.",
-        show_default=False,
+        "--to", help="Azimuth and declination [deg]: al,de; al alone with --zero-torque.", show_default=False
     ),
 ]
 TauOption = Annotated[float, typer.Option("--tau", help="Duration [s].", show_default=False)]
@@ -71,11 +68,9 @@ def reconfigure(
         check_whole(samples, "--samples", 2, MOST_SAMPLES)
         check_result(out, ".npz", inputs=[scene], overwrite=overwrite)
         tower = SymmetricTower(output.load(scene)[0])
-        target = (
-            math.radians(end_angles[0])
-            if zero_torque
-            else SymmetricPose.from_degrees(end_angles[0], end_angles[1], start_angles[2])
-        )
+        target: float | SymmetricPose = math.radians(end_angles[0])
+        if not zero_torque:
+            target = SymmetricPose.from_degrees(end_angles[0], end_angles[1], start_angles[2])
         with output.progress("planning"):
             plan = plan_reconfiguration(
                 tower,

@@ -63,8 +63,7 @@ class PictureOptions:
     size: Annotated[
         str | None,
         typer.Option(
-            "--size",
-            help="WIDTHxHEIGHT in pixels; .svg, .pdf: 150 pixels an inch, 1200x900 is 8 x 6 in.",
+            "--size", help="WIDTHxHEIGHT in pixels; .svg, .pdf: 150 pixels an inch, 1200x900 is 8 x 6 in."
         ),
     ] = None
     labels: Annotated[

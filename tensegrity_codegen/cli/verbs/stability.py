@@ -74,9 +74,8 @@ def stability(
             )
         counts = {verdict: made.count(verdict, own=True) for verdict in VERDICTS}
         status = "unstable" if counts["wrong"] else "ok"
-        summary = "our runs: " + ", ".join(
-            f"{count} {WORDS[verdict]}" for verdict, count in counts.items() if count
-        )
+        shown = [f"{count} {WORDS[verdict]}" for verdict, count in counts.items() if count]
+        summary = f"our runs: {', '.join(shown)}"
         rules = {rule: made.count_rule(rule) for rule in RULES}
         summary += "; certified " + ", ".join(
             f"{count} by {RULE_WORDS[rule]}" for rule, count in rules.items() if count

@@ -161,6 +161,7 @@ def find_nearest_shape(structure: Structure, density: FloatArray, targets: Targe
             "too many members for targets", where=structure.name, given=value, allowed=allowed, hint=hint
         )
     problem = _Problem(structure, density, targets)
+    # The goal has local minima: the first start is that of the densities, the others are spread about it.
     random, best, reason = np.random.default_rng(0), None, ""
     for trial in range(STARTS):
         change = random.uniform(-SPREAD, SPREAD, len(density)) if trial else np.zeros(len(density))
@@ -211,7 +212,7 @@ class _Problem:
         return length, slope * self.density
 
     def find_goal(self, z: FloatArray) -> tuple[float, FloatArray]:
-        """Return what is minimised and its derivatives by z."""
+        """Return the minimised goal and its derivatives by z."""
         targets, q = self.targets, z * self.density
         length, slope = self.find_lengths(z)
         force = q * length

@@ -90,6 +90,7 @@ class ForceProgram:
         """
         cases, members = lower.shape
         slope, intercept = (np.broadcast_to(coefficient, lower.shape)[self.is_curved] for coefficient in line)
+        # Masses above lines over tensions, then their total below its limit.
         values = np.concatenate([self.straight, -slope])
         rows, n = np.arange(len(values)), cases * members
         total = (np.full(members, len(rows)), n + np.arange(members))
@@ -113,6 +114,7 @@ class ForceProgram:
         solution = self._call(price, self.equal, self.load.ravel(), above, limit, lowest, highest)
         if solution is None:
             return None
+        # The proved bound: b y - d w + min over the limits of (c - A'y + C'w) x.
         point, y, w = solution
         reduced = price - self.equal.T @ y - above.T @ w
         bound = float(self.load.ravel() @ y + limit @ w + _find_least(reduced, lowest, highest))
@@ -121,7 +123,7 @@ class ForceProgram:
         return Optimum(bound, tension, reduced[:n].reshape(lower.shape))
 
     def find_unbalanced(self, lower: FloatArray, upper: FloatArray) -> Unbalanced:
-        """Return what is out of balance at least with tensions within limits."""
+        """Return the least imbalance with tensions within limits."""
         rows, n = self.load.size, lower.size
         unit = scipy.sparse.eye_array(rows)
         forces = scipy.sparse.csr_array(self.equal[:, :n])

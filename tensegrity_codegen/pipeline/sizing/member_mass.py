@@ -15,7 +15,7 @@ from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 
 @dataclass(frozen=True)
 class Material:
-    """What members are made of, (n_members,) each.
+    """The materials of members, (n_members,) each.
 
     youngs_modulus [Pa] (nan: not known, of cables), density [kg/m3], yield_stress [Pa], safety_factor against
     buckling, radius_ratio inner over outer radius; buckles: bars of which buckling counts; johnson:

@@ -362,6 +362,7 @@ def _record(
     members = np.arange(structure.n_members)
     governs = tension[governing, members]
     is_yield = law.direct * np.abs(governs) >= law.find_buckling_mass(-governs) * (1 - LEAST_FORCE)
+    # area = mass / (density length), radius = sqrt(area / (pi (1 - h^2))) with the ratio h of radii
     length = structure.member_length()
     area = member_mass / (material.density * length)
     used = member_mass > 0

@@ -47,7 +47,7 @@ class ArrayKey:
 
     @property
     def place(self) -> tuple[object, ...]:
-        """What the key is in its canonical form: equal for two spellings of one number."""
+        """The key in its canonical form: equal for two spellings of one number."""
         return ("array", self.array, self.rows, self.axis)
 
     def write(self, arrays: Mapping[str, NDArray[np.float64]], value: float) -> None:
@@ -84,7 +84,7 @@ def find_array_key(text: str, steps: Steps, subject: Subject, where: str) -> Arr
 
 
 def _list_names(array: str, subject: Subject) -> Mapping[str, tuple[int, ...]]:
-    """Return what may be named of an array, with its rows; nothing if the structure has no such array."""
+    """Return the names of an array with their rows; nothing if the structure has no such array."""
     if array == INPUT:
         names = [source.name for source in subject.inputs]
         return {name: (row,) for row, name in enumerate(names)}

@@ -50,7 +50,7 @@ class FileKey:
 
     @property
     def place(self) -> tuple[object, ...]:
-        """What the key is in its canonical form: equal for two spellings of one number."""
+        """The key in its canonical form: equal for two spellings of one number."""
         return ("scene", *self.path.steps)
 
 
@@ -74,7 +74,7 @@ class CaseAssembler:
 
     document: dict[str, Any] = field(repr=False)  # the scene
     where: str  # its source, for messages
-    keys: tuple[FileKey | ArrayKey, ...]  # what varies
+    keys: tuple[FileKey | ArrayKey, ...]  # names of varied numbers
     analyses: tuple[str, ...] = ()
 
     def assemble(self, values: Sequence[float] | FloatArray) -> AssembledCase:

@@ -33,13 +33,13 @@ from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.laws import LINEAR
 
-STATED = ("prestress", "strain", *STIFFNESS)  # what rest lengths follow from, besides lengths
+STATED = ("prestress", "strain", *STIFFNESS)  # sources of rest lengths, besides lengths
 Entry = tuple[str, int]  # slot, and place in it as one row
 
 
 @dataclass(frozen=True, eq=False)
 class StatedValues:
-    """One number of each of some members, NaN where it has none: factor * key, or a constant."""
+    """One number of each of some members, NaN without one: factor * key, or a constant."""
 
     keys: IntArray  # (n,) of int, -1 for a constant
     factors: FloatArray  # (n,), the constant there
@@ -72,7 +72,7 @@ class RestLengths:
 
 @dataclass(frozen=True, eq=False)
 class DirectKeys:
-    """What follows from keys without the scene being assembled."""
+    """Values that follow from keys without the scene being assembled."""
 
     entries: Mapping[Entry, int]  # the key of each entry that takes the value of one
     rest_lengths: RestLengths | None  # those by formulas, None without
@@ -113,13 +113,13 @@ def find_direct_keys(
         served -= stated.keys()
     elif stated:
         rest_lengths = reader.build_rest_lengths(stated)
-    # Keys of arrays come last: they replace what the scene states.
+    # Keys of arrays come last: they replace values of the scene.
     entries = {entry: k for k in (*of_file, *of_array) if k in served for entry in direct[k]}
     return DirectKeys(entries, rest_lengths, frozenset(served))
 
 
 class _KeyReader:
-    """What keys name in the scene of one case."""
+    """Entries that keys name in the scene of one case."""
 
     def __init__(self, case: AssembledCase) -> None:
         assert case.scene is not None
@@ -227,7 +227,7 @@ class _KeyReader:
         rows = {row for factors in stated.values() for _, row, _ in factors}
         members = np.array(sorted(rows), dtype=np.int64)
         index = {row: number for number, row in enumerate(members.tolist())}
-        # Lengths are those of the scene, without what keys of arrays move.
+        # Lengths are those of the scene, without the changes of keys of arrays.
         subject, _ = assemble_scene(self.scene)
         position = (
             compute_node_position(subject) if isinstance(subject, BodySystem) else subject.node_position

@@ -67,7 +67,7 @@ class _GroupFinder:
         self.first_error: TensegrityError | None = None
 
     def probe(self, values: FloatArray) -> _Probe | None:
-        """Return what values make, None if they are no scene."""
+        """Return the structure of these values, None if they are no scene."""
         try:
             case = self.assembler.assemble(values)
         except TensegrityError as error:
@@ -174,13 +174,7 @@ class _GroupFinder:
                 return probe.constants
         return ""
 
-    def _refuse(
-        self,
-        keys: tuple[int, ...],
-        probes: Sequence[_Probe],
-        most: int,
-        option: str,
-    ) -> None:
+    def _refuse(self, keys: tuple[int, ...], probes: Sequence[_Probe], most: int, option: str) -> None:
         names = ", ".join(self.assembler.keys[key].text for key in keys)
         changes = (name_changed(probes[0].case, probe.case) for probe in probes[1:])
         changed = next((names for names in changes if names), [])

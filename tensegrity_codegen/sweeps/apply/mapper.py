@@ -28,7 +28,7 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 @dataclass(frozen=True)
 class AppliedCases:
-    """What a library takes for some cases, and which cases are no scene.
+    """Arguments of a library for some cases, and the reasons why other cases are no scene.
 
     arguments: (n_cases, ...) arguments that differ from case to case, by name: ``"coordinate"`` and
     ``"velocity"`` at the start, run-time parameters, ``"input"``. Other arguments have the nominal values
@@ -54,7 +54,7 @@ class CaseGroup:
     """
 
     number: int  # place among the groups of the plan, from 0
-    hash: str  # hash of the structure without what varies, and of the request: equal groups, equal libraries
+    hash: str  # of the structure without varied numbers, and of the request: equal groups, equal libraries
     structure: Subject  # the structure of the first good case of the group, from which the library is built
     request: ModelRequest
     rows: range | NDArray[np.int64]  # numbers of its cases, ascending
@@ -89,7 +89,7 @@ class CaseMapper:
     assembler: CaseAssembler  # the scene and its keys
     base: FloatArray  # (n_keys,) values of a case of the group that is a scene
     template: Mapping[str, FloatArray]  # all slots of that case, see `list_slots`
-    constants: str  # hash of what the cases of the group have in common
+    constants: str  # hash of all that the cases of the group have in common
     varying: IntArray  # (n_varying,) entries, of all slots in one row, that differ between cases
     direct: DirectKeys  # entries that are computed from keys without the scene being assembled
     indirect_keys: tuple[int, ...]  # keys that vary and are not direct
@@ -133,7 +133,7 @@ class CaseMapper:
         return self.direct.find_used_keys(arguments) | (set(self.indirect_keys) - set(self.idle_keys))
 
     def _fill_direct(self, values: FloatArray, rows: IntArray, entries: FloatArray) -> BoolArray:
-        """Fill in what follows from direct keys; return which of the rows have it, (n_rows,) of bool."""
+        """Fill in the entries of direct keys; return which of the rows have them, (n_rows,) of bool."""
         is_good = np.ones(len(rows), dtype=np.bool_)
         rest_lengths = self.direct.rest_lengths
         if rest_lengths is not None:
@@ -183,7 +183,7 @@ class CaseMapper:
 
     @cached_property
     def _slot_starts(self) -> dict[str, int]:
-        """Where each slot begins in one row of all."""
+        """Start of each slot in one row of all."""
         ends = np.cumsum([array.size for array in self.template.values()]).tolist()
         return dict(zip(self.template, [0, *ends[:-1]], strict=True))
 

@@ -1,4 +1,4 @@
-"""Cases from what a user states: ranges (`start:stop:n[:log]`, `a,b,c`), distributions, a table."""
+"""Cases from statements of a user: ranges (`start:stop:n[:log]`, `a,b,c`), distributions, a table."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -65,7 +65,7 @@ def build_cases(
 
 
 def _pairs(given: Stated, where: str, rule: str) -> list[tuple[str, Any]]:
-    """Return pairs of key and what is stated for it, from texts KEY=... or a mapping."""
+    """Return pairs of key and statement, from texts KEY=... or a mapping."""
     if isinstance(given, Mapping):
         return [(str(key), stated) for key, stated in given.items()]
     if given is not None and (not isinstance(given, Iterable) or getattr(given, "ndim", 1) != 1):
@@ -98,7 +98,7 @@ def _build_points(
 
 
 def _check_no_sample(n: Any, seed: Any, method: Any, words: Mapping[str, str]) -> None:
-    """Raise InvalidValueError for what is stated of a sample where none is drawn."""
+    """Raise InvalidValueError for settings of a sample without distributions."""
     stated = (
         ("n", n, n is not None, "a number of samples"),
         ("seed", seed, seed not in (0, None), "a seed"),

@@ -76,7 +76,7 @@ class Cases:
 
     @property
     def method(self) -> str:
-        """``"grid"``, or the method of the sample or table, also where a grid is combined with it."""
+        """``"grid"``, or the method of the sample or table, also if a grid is combined with it."""
         return self.points.method if self.points else "grid"
 
     @property

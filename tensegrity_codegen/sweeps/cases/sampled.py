@@ -138,7 +138,7 @@ def read_count(given: Any, where: str, what: str, least: int = 1) -> int:
 
 
 METHODS = ("random", "latin_hypercube", "sobol", "saltelli")
-SMALLEST = 2.0**-54  # probabilities are kept from 0 and 1, where a normal distribution has no value
+SMALLEST = 2.0**-54  # probabilities are kept from 0 and 1, at which a normal distribution has no value
 LARGEST = 1.0 - 2.0**-53
 WORDS = 4  # numbers that Philox makes of one value of its counter
 BITS = 30  # of the coordinates of a Sobol' sequence
@@ -211,7 +211,7 @@ class SobolPoints:
     def rows(self, first: int, last: int) -> FloatArray:
         """Return rows first to last - 1, (last - first, width); ascending ones are the fastest."""
         with self._lock, warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # the engine warns where it does not draw 2, 4, 8, ... points
+            warnings.simplefilter("ignore")  # the engine warns unless it draws 2, 4, 8, ... points
             if first < self._engine.num_generated:
                 self._engine.reset()
             if first > self._engine.num_generated:

@@ -80,13 +80,13 @@ def connect(address: str, wait: float) -> Iterator[Any]:
 
 
 def check_wait(wait: Any) -> None:
-    """Raise InvalidValueError for what is no time to wait [s]."""
+    """Raise InvalidValueError unless `wait` is a time [s]."""
     if isinstance(wait, bool) or not isinstance(wait, int | float) or not 0.0 <= wait < 1e7:
         raise InvalidValueError("not a time", where="wait", given=wait, allowed="seconds, from 0 on")
 
 
 def check_workers(workers: Any) -> int | Cluster:
-    """Return where a sweep is computed, by default one process a core; raises InvalidValueError."""
+    """Return the workers of a sweep, by default one process a core; raises InvalidValueError."""
     if not isinstance(workers, Cluster):
         count = count_workers() if workers is None else workers
         return check_whole(count, "workers", 1, problem="not a number of workers")
@@ -117,7 +117,7 @@ def _open(distributed: Any, address: str, wait: float) -> Any:
 
 
 def _knock(address: str, within: float) -> None:
-    """Raise OSError or ValueError where nothing listens; clients of distributed may hang after that."""
+    """Raise OSError or ValueError if nothing listens; clients of distributed may hang after that."""
     scheme, _, network_address = address.rpartition("://")
     if scheme not in ("", "tcp", "tls"):
         return
@@ -175,7 +175,7 @@ def find_version(package: str) -> str:
 
 
 def check_versions(expected: Mapping[str, str], found: Mapping[str, str], worker: str) -> None:
-    """Raise ClusterError, naming what differs, unless a worker has the versions of the client."""
+    """Raise ClusterError, naming the differences, unless a worker has the versions of the client."""
     different = [name for name, value in expected.items() if found.get(name) != value]
     if different:
         raise ClusterError(
@@ -208,7 +208,7 @@ class SourceParcel:
 
 
 def make_parcel(built: BuiltLibrary, flags: str) -> SourceParcel:
-    """Return the source of a library; raises LibraryError where its files in the cache are damaged."""
+    """Return the source of a library; raises LibraryError if its files in the cache are damaged."""
     contents = read_contents(built.entry)
     contents.pop(LOG, None)
     library = contents.pop(built.path.name)
@@ -238,6 +238,7 @@ def load_parcel(parcel: SourceParcel, structure: Subject, cache: Cache | None = 
     def matches(entry: CacheEntry, found: Manifest) -> bool:
         return entry.scene == parcel.scene and found.scene_hash == manifest.scene_hash
 
+    # Without a compiler the library that came along serves, on a machine of the same kind.
     try:
         compiler = find_compiler(None)
     except CompilerMissingError:
@@ -294,7 +295,7 @@ class DaskEngine(Engine):
 
     @contextmanager
     def open(self, work: SweepWork, tasks: Sequence[Task]) -> Iterator["_Cluster"]:
-        """Connect to the scheduler; see `Engine.open`. What is not finished is dropped at the end."""
+        """Connect to the scheduler; see `Engine.open`. Unfinished tasks are dropped at the end."""
         with connect(self.address, self.wait) as client:
             yield _Cluster(client, work, self.wait)
 

@@ -52,7 +52,7 @@ class FinishedTask:
 
 
 class Place(Protocol):
-    """Where tasks are computed."""
+    """A place that computes tasks."""
 
     def submit(self, task: Task) -> Any:
         """Return the future of a task, whose result is (TaskResult, seconds, facts)."""
@@ -65,7 +65,7 @@ class Place(Protocol):
 
 
 class Engine(ABC):
-    """What opens a place for the tasks of a sweep."""
+    """A factory of places for the tasks of a sweep."""
 
     @abstractmethod
     def open(self, work: SweepWork, tasks: Sequence[Task]) -> AbstractContextManager[Place]:
@@ -163,7 +163,7 @@ class LocalEngine(Engine):
 
 
 class _Pool:
-    """A pool of processes, replaced by another one where a process has ended."""
+    """A pool of processes, replaced by another one once a process has ended."""
 
     def __init__(self, workers: int, served: tuple[SweepWork, Libraries]) -> None:
         self.workers, self.served = workers, served

@@ -91,7 +91,7 @@ class SweepWork:
     """
 
     plan: SweepPlan  # cases, groups and tasks
-    operation: CaseAnalysis  # what is computed for each case
+    operation: CaseAnalysis  # computed for each case
     outputs: tuple[Output, ...]  # the arrays of results
     is_joint: bool = False
 
@@ -143,7 +143,7 @@ def build_empty_result(work: SweepWork, task: Task, status: str, message: str = 
 
 
 def _place(own: tuple[Output, ...], joint: tuple[Output, ...]) -> dict[str, Places]:
-    """Return where the results of a library are in the stored arrays, by name; None: in all of them."""
+    """Return the indices of the results of a library in the stored arrays, by name; None: all of them."""
     if own is joint:
         return {output.name: None for output in joint}
     joint_outputs = {output.name: output for output in joint}
@@ -157,7 +157,7 @@ class Libraries:
     models: those that are loaded; a forked process has them too.
     """
 
-    operation: CaseAnalysis  # what the libraries are for
+    operation: CaseAnalysis  # that the libraries serve
     models: dict[int, CompiledModel] = field(default_factory=dict)
 
     def load(self, group: CaseGroup) -> CompiledModel:
@@ -168,7 +168,7 @@ class Libraries:
         return self.models[group.number]
 
     def __getstate__(self) -> dict[str, object]:
-        """Return what a process that starts anew gets: it loads the libraries itself."""
+        """Return the state of a process that starts anew: it loads the libraries itself."""
         return {"operation": self.operation, "models": {}}
 
 
@@ -206,7 +206,7 @@ def _check_fits(output: Output, joint: Output) -> None:
 
 
 def find_places(own: Output, joint: Output) -> tuple[NDArray[np.int64], ...] | None:
-    """Return where a library's results are along the axes of the joint ones; None: everywhere."""
+    """Return the indices of a library's results along the axes of the joint ones; None: all of them."""
     if own.shape == joint.shape and dict(own.coordinates) == dict(joint.coordinates):
         return None
     indices = []

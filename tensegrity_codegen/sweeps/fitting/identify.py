@@ -35,7 +35,7 @@ PULL = 1e-6  # to the start, of the largest derivative: where the data show noth
 
 @dataclass
 class Fit:
-    """One search: the problem, what was measured, and the noise, None where it is to be estimated."""
+    """One search: the problem, what was measured, and the noise, None if it is to be estimated."""
 
     problem: KeyedMotion | KeyedStatics
     data: Measurements
@@ -48,8 +48,9 @@ class Fit:
     best: tuple[float, FloatArray] | None = None  # of the search that runs: sum of squares, and the values
 
     def run(self) -> "Fitted":
-        """Fit short times, then all, and the noise where it is not given; return what was found."""
-        used = self._count_used()
+        """Fit short times, then all, and the noise unless it is given; return the result."""
+        n_times = len(self.data.time)
+        used = max(1, n_times - round(self.hold_out * n_times))
         count = int(np.isfinite(self.data.value[:used]).sum())
         n_keys = len(self.problem.keys)
         if count <= n_keys:
@@ -60,6 +61,7 @@ class Fit:
         scaled, status = self.problem.start / self.problem.size, "ok"
         self.evaluate(scaled, used)
         try:
+            # Short times first, then all of them with the noise that the residuals show.
             for fraction in () if self.data.is_static else HORIZONS:
                 until = int(fraction * used)
                 enough = np.isfinite(self.data.value[:until]).sum() > 2 * n_keys
@@ -78,9 +80,6 @@ class Fit:
         if self.progress is not None:
             self.progress(1.0)
         return Fitted(self, scaled, used, noise, status)
-
-    def _count_used(self) -> int:
-        return max(1, len(self.data.time) - round(self.hold_out * len(self.data.time)))
 
     def sigma(self, noise: Mapping[str, float]) -> FloatArray:
         """Return the noise of each channel, (n_channels,)."""
@@ -133,7 +132,9 @@ class Fit:
             try:
                 residuals = ((self.evaluate(x, until)[0] - data) / sigma)[present]
             except (ConvergenceError, InvalidValueError):
-                residuals = np.full(int(present.sum()), 1e6)  # what fails is far from all that was measured
+                residuals = np.full(
+                    int(present.sum()), 1e6
+                )  # a motion that fails is far from all measurements
             cost = float(residuals @ residuals)
             if self.best is None or cost < self.best[0]:
                 self.best = cost, x.copy()
@@ -277,7 +278,7 @@ def identify(
 
 
 def _read_noise(noise: float | Mapping[str, float] | None, data: Measurements) -> dict[str, float] | None:
-    """Return the stated noise of each kind that was measured, None where it is to be estimated."""
+    """Return the stated noise of each kind that was measured, None if it is to be estimated."""
     if noise is None:
         return None
     kinds = dict.fromkeys(channel.kind for channel in data.channels)
@@ -304,7 +305,7 @@ SLOWEST, LEAST_SLOPE = 1e-14, 1e-100  # singular values, as a part of the larges
 
 
 def judge_fit(end: Fitted) -> Identification:
-    """Return the record: how sure the values are, and what the data do not show."""
+    """Return the record: values with their errors, and directions that the data do not show."""
     fit, used, noise, status = end.fit, end.used, end.noise, end.status
     problem, sigma, is_given = fit.problem, fit.sigma(noise), fit.noise is not None
     values, slopes = fit.evaluate(end.scaled, len(fit.data.time))
@@ -315,6 +316,7 @@ def judge_fit(end: Fitted) -> Identification:
     matrix = (slopes[:used] / sigma[:, None])[present]
     free = n_values - n_keys
     size = float(np.sqrt(np.sum(fitted[present] ** 2) / free))
+    # Covariance (J^T J)^-1 by singular values, each direction in parts of the sizes of the values.
     _, singular, ways = np.linalg.svd(matrix, full_matrices=False)
     smallest = max(SLOWEST * float(singular[0]), LEAST_SLOPE)
     errors = (1.0 if is_given else size) / np.maximum(singular, smallest)
@@ -402,13 +404,9 @@ def _find_whiteness(left: FloatArray) -> float:
 
 
 def _find_warnings(
-    size: float,
-    whiteness: float,
-    held_out: float,
-    unknown: Sequence[Undetermined],
-    idle: Sequence[str],
+    size: float, whiteness: float, held_out: float, unknown: Sequence[Undetermined], idle: Sequence[str]
 ) -> tuple[str, ...]:
-    """Return what a careful reader should know; size: residual over the stated noise."""
+    """Return the warnings for a careful reader; size: residual over the stated noise."""
     warnings = []
     if size >= WRONG_UNITS:
         warnings.append(

@@ -33,7 +33,7 @@ from tensegrity_codegen.system.errors import ConvergenceError, InvalidValueError
 from tensegrity_codegen.tables.quantities import DIRECTED
 
 METHOD = "rk853"
-BACKWARDS = ("adjoint_rate", "adjoint_tension")  # what gradients backwards take
+BACKWARDS = ("adjoint_rate", "adjoint_tension")  # quantities of gradients backwards
 FINER = 100.0  # times the accuracy of the steps that derivatives are compared with
 MEANINGLESS = 0.1  # of the largest derivative so far: a difference from which derivatives mean nothing
 
@@ -247,7 +247,7 @@ class KeyedMotion(KeyedScene):
 
 @dataclass(frozen=True)
 class _Given:
-    """What a motion is given: arguments, start, columns, inputs over time; derivatives of the arguments."""
+    """The inputs of a motion: arguments, start, columns, inputs over time; derivatives of the arguments."""
 
     arguments: dict[str, FloatArray]
     coordinate: FloatArray | None
@@ -266,11 +266,11 @@ class _Given:
 
 @dataclass(frozen=True)
 class MotionSlopes:
-    """A motion, and the derivatives of what can be measured along it, one for each column."""
+    """A motion, and the derivatives of measurable quantities along it, one for each column."""
 
     model: CompiledModel
     motion: Trajectory
-    arguments: Mapping[str, FloatArray]  # of the motion, without what follows a profile
+    arguments: Mapping[str, FloatArray]  # of the motion, without those that follow a profile
     direction: FloatArray | Profile | None  # (n_directed, n_columns), or the profile that has it
     slopes: Mapping[str, FloatArray]  # derivatives of the arguments
 

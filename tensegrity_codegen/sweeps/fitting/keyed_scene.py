@@ -1,4 +1,4 @@
-"""A scene, and what libraries take of it, as functions of some of its numbers."""
+"""A scene, and arguments of libraries, as functions of some of its numbers."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -161,7 +161,7 @@ def require_nodes(subject: Subject, where: str) -> Structure:
 
 
 def _read_start(assembler: CaseAssembler, place: int) -> float:
-    """Return the value of a key in the scene; raises InvalidValueError where there is none."""
+    """Return the value of a key in the scene; raises InvalidValueError without one."""
     key, where = assembler.keys[place], assembler.where
     value: float | None
     if isinstance(key, ArrayKey):

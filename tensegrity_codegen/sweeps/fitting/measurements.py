@@ -201,20 +201,17 @@ def _check(measurements: Measurements) -> None:
         raise NonFiniteError("a measured value is infinite", where=source, allowed="finite values")
     if not measurements.channels or not measurements.count:
         allowed = "columns such as t1.x [m] or bar1.length [m]"
-        raise InvalidValueError("nothing was measured", where=measurements.source, allowed=allowed)
+        raise InvalidValueError("nothing was measured", where=source, allowed=allowed)
     if not np.isfinite(time).all():
         raise NonFiniteError("a time is not finite", where=where, allowed="finite times")
+    # Times increase, and motions last longer than their start.
     back = np.flatnonzero(np.diff(time) <= 0.0)
     if back.size or time[0] < 0.0:
-        problem_time: Any = (
-            f"{time[0]:g} s" if not back.size else f"{time[back[0] + 1]:g} s after {time[back[0]]:g} s"
-        )
-        raise InvalidValueError(
-            "times go back, or stand still" if back.size else "a time lies before the start of the motion",
-            where=where,
-            given=problem_time,
-            allowed="increasing times from 0 on",
-        )
+        problem, value = "a time lies before the start of the motion", f"{time[0]:g} s"
+        if back.size:
+            problem = "times go back, or stand still"
+            value = f"{time[back[0] + 1]:g} s after {time[back[0]]:g} s"
+        raise InvalidValueError(problem, where=where, given=value, allowed="increasing times from 0 on")
     if time[-1] == 0.0 and not measurements.is_static:
         problem = "all was measured at the start"
         raise InvalidValueError(problem, where=where, given="0 s", allowed="times after 0")

@@ -24,7 +24,10 @@ from tensegrity_codegen.system.output_folder import check_folder
 CRC_BYTES = 4  # of the checksum at the end of a chunk
 CODECS = {True: ["vlen-utf8", "zstd", "crc32c"], False: ["bytes", "blosc", "crc32c"]}  # of text, of numbers
 MAX_CHUNKS = 2_000_000  # of an array
-MAX_TEXT_BYTES, OTHER_BYTES = 4096, 2**16  # of an entry of text on average; of what is in each chunk besides
+MAX_TEXT_BYTES, OTHER_BYTES = (
+    4096,
+    2**16,
+)  # of an entry of text on average; of the other content of each chunk
 
 
 def check_array(array: Mapping[str, Any]) -> None:
@@ -41,7 +44,7 @@ def check_array(array: Mapping[str, Any]) -> None:
 
 
 def is_whole(file: Path, array: Mapping[str, Any]) -> bool:
-    """Return whether a chunk has the checksum (CRC-32C), the size and the kind of what was written."""
+    """Return whether a chunk has the checksum (CRC-32C), the size and the kind that were written."""
     is_text = array["data_type"] == "string"
     count: int = math.prod(array["chunk_grid"]["configuration"]["chunk_shape"])
     limit = OTHER_BYTES + count * (MAX_TEXT_BYTES if is_text else np.dtype(array["data_type"]).itemsize)
@@ -88,10 +91,10 @@ MOST_NAMED = 4
 
 @dataclass(frozen=True)
 class StoredSweep:
-    """What the folder of a sweep says of it."""
+    """The metadata in the folder of a sweep."""
 
     path: Path  # the folder
-    identity: Mapping[str, Any]  # what its results follow from
+    identity: Mapping[str, Any]  # sources of its results
     task_size: int  # largest number of cases of a task
     attributes: Mapping[str, Any]  # all attributes of the data set
     arrays: Mapping[str, Mapping[str, Any]] = field(repr=False)  # metadata of each array
@@ -151,7 +154,7 @@ def check_store_folder(path: str | Path) -> StoredSweep | None:
 
 
 def check_store_name(path: Any) -> None:
-    """Raise OutputError for what cannot be the name of a folder of results."""
+    """Raise OutputError unless this can be the name of a folder of results."""
     problem, name = "", str(path) if isinstance(path, Path) else path
     if not isinstance(path, str | Path):
         problem = "not the name of a folder"
@@ -165,7 +168,7 @@ def check_store_name(path: Any) -> None:
 
 
 def read_stored_sweep(path: str | Path, *, is_output: bool = False) -> StoredSweep:
-    """Return what the folder of a sweep says of it; raises OutputError for any other folder."""
+    """Return the metadata of the folder of a sweep; raises OutputError for any other folder."""
     folder = Path(path)
     try:
         data = json.loads((folder / METADATA).read_bytes())
@@ -185,6 +188,7 @@ def read_stored_sweep(path: str | Path, *, is_output: bool = False) -> StoredSwe
         problem = "the sweep was written in another format of its folder"
         hint = "use the version of tensegrity_codegen that wrote it, or choose another name"
         raise OutputError(problem, where=str(path), given=format, allowed=str(FORMAT), hint=hint)
+    # A file that was edited is not trusted.
     sweep = attributes[ATTRIBUTE]
     if sweep.get("checksum") != compute_checksum(data):
         problem = "this file is damaged or was edited: its checksum is not that of its content"
@@ -195,7 +199,7 @@ def read_stored_sweep(path: str | Path, *, is_output: bool = False) -> StoredSwe
 
 
 def compute_checksum(metadata: Mapping[str, Any]) -> str:
-    """Return the sha256 of what is read from a file of metadata: the sweep and its arrays."""
+    """Return the sha256 of the content of a file of metadata: the sweep and its arrays."""
     sweep = {key: value for key, value in metadata["attributes"][ATTRIBUTE].items() if key != "checksum"}
     content = [sweep, metadata.get("consolidated_metadata")]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
@@ -235,7 +239,7 @@ def find_damaged(stored: StoredSweep) -> list[Path]:
 
 
 def check_not_damaged(stored: StoredSweep) -> None:
-    """Raise OutputError, naming files, where a stored sweep is not as it was written."""
+    """Raise OutputError, naming files, if a stored sweep is not as it was written."""
     damaged = [str(file.relative_to(stored.path)) for file in find_damaged(stored)]
     if damaged:
         hidden = [f"{len(damaged) - MOST_NAMED} more"] if len(damaged) > MOST_NAMED else []
@@ -300,7 +304,7 @@ FOLLOWING = {
 
 
 def check_same_sweep(path: str | Path, stored: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
-    """Raise OutputError, naming what differs, unless two identities are equal."""
+    """Raise OutputError, naming the differences, unless two identities are equal."""
     differences = find_differences(stored, asked)
     if not differences:
         return

@@ -56,9 +56,9 @@ class StoredArray:
     shape: tuple[int, ...]
     chunks: tuple[int, ...]
     dtype: str  # ``"string"``, or a type of NumPy
-    fill: Any  # the value where nothing was written
+    fill: Any  # the value of unwritten entries
     attributes: dict[str, Any]  # units and description
-    values: NDArray[Any] | None = None  # what it holds from the beginning; None for results
+    values: NDArray[Any] | None = None  # its initial content; None for results
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,7 +237,7 @@ class SweepStore:
         return counts
 
     def count_above(self, name: str, most: float = 1.0) -> int:
-        """Return how many finished cases have a number above `most`, 0 where it is not kept."""
+        """Return how many finished cases have a number above `most`, 0 without this result."""
         if name not in self._group:
             return 0
         boxes = (self._array(name)[self.layout.box_of(task)] for task in self.find_finished())
@@ -252,13 +252,9 @@ class SweepStore:
         """Write a task, then its record, signals held; raises OutputError and leaves nothing of the task."""
         start, stop = self.layout.cases_of(task)
         facts = json.dumps({"first": start, "last": stop, **record})
-        values = {
-            **result.arrays,
-            MESSAGE: np.array(result.messages, dtype=object),
-            STATUS: result.status,
-        }
+        values = {**result.arrays, MESSAGE: np.array(result.messages, dtype=object), STATUS: result.status}
         with deferred_signals():
-            self._remove(task)  # what is damaged, or was written without its record
+            self._remove(task)  # damaged files, or files without a record
             try:
                 box = self.layout.box_of(task)
                 shape = tuple(span.stop - span.start for span in box)
@@ -361,7 +357,7 @@ def _write_metadata(folder: Path, contents: StoreContents) -> None:
 
 
 def restore_coordinates(stored: StoredSweep, contents: StoreContents) -> None:
-    """Write the values of keys and labels of a sweep again where files of them are damaged."""
+    """Write the values of keys and labels of a sweep again if files of them are damaged."""
     if all(map(stored.is_whole, stored.coordinate_files)):
         return
     try:

@@ -42,7 +42,7 @@ def draw_histogram(result: ChosenResult, name: str) -> Figure:
 
 
 def draw_curve(results: SweepResults, key_index: int, result: ChosenResult, name: str) -> Figure:
-    """Return a result over the only key of a grid: one point a case, gaps where cases failed."""
+    """Return a result over the only key of a grid: one point a case, gaps for failed cases."""
     x, y = results.key_values[:, key_index], result.values
     order = np.argsort(x, kind="stable")
     figure, axes = _new_axes()
@@ -107,6 +107,7 @@ def draw_failures(results: SweepResults, key_indices: Sequence[int], name: str) 
     keys, columns, edges = _bin_keys(results, key_indices[:2], is_computed, bins)
     names = [results.label_key(key) for key in keys]
     figure, axes = _new_axes()
+    # Over one key a histogram of percentages, over two a map of them.
     if len(keys) == 1:
         inside = np.digitize(columns[0], edges[0][1:-1])
         count = np.bincount(inside, minlength=len(edges[0]) - 1)
@@ -217,7 +218,7 @@ def _make_figure(figure: "Drawing", name: str, caption: str, data: dict[str, Any
 
 
 def _to_json(values: FloatArray) -> Any:
-    """Return nested lists with None for what is not finite."""
+    """Return nested lists with None for numbers that are not finite."""
     table = values.astype(object)
     table[~np.isfinite(values)] = None
     return table.tolist()

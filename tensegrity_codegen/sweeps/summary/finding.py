@@ -45,7 +45,7 @@ def describe_finding(summary: SweepSummary) -> str:
 
 
 def _count_beyond(results: SweepResults) -> int:
-    """Return the number of good cases with a limit_use above 1, 0 where it was not kept."""
+    """Return the number of good cases with a limit_use above 1, 0 without this result."""
     if LIMIT_USE not in results.kept:
         return 0
     blocks = results.kept[LIMIT_USE].blocks()
@@ -61,7 +61,7 @@ def describe_range(result: ChosenResult, spread: Distribution) -> str:
 
 
 def _format(value: float, spread: Distribution) -> str:
-    """Return a number with digits that show the range; what is rounding beside the other end is zero."""
+    """Return a number with digits that show the range; zero if it is rounding beside the other end."""
     if abs(value) < 1e-12 * max(abs(spread.least), abs(spread.largest)):
         return "0"
     digits = 3
@@ -143,7 +143,7 @@ def _describe_spread(item: ResultSummary) -> tuple[str, ...]:
 
 
 def _causes(summary: SweepSummary) -> Iterator[LongTable | str]:
-    """Yield a table of indices and correlations; reasons where there are no indices."""
+    """Yield a table of indices and correlations; reasons if there are no indices."""
     rows = []
     for entry in summary.chosen:
         indices = entry.indices if isinstance(entry.indices, Indices) else None

@@ -20,7 +20,6 @@ from tensegrity_codegen.sweeps.store.folder import (
     MESSAGE,
     RECORD,
     STATUS,
-    StoredSweep,
     check_not_damaged,
     read_stored_sweep,
 )
@@ -45,7 +44,7 @@ class KeptQuantity:
     shape: tuple[int, ...]  # their lengths
     unit: str
     sentence: str
-    labels: tuple[Sequence[Any], ...]  # what stands along each dimension, as texts or numbers
+    labels: tuple[Sequence[Any], ...]  # labels along each dimension, texts or numbers
     blocks: Callable[[], Iterator[tuple[int, FloatArray]]]
 
 
@@ -60,8 +59,8 @@ class SweepResults:
     scene: str
     operation: str
     options: Mapping[str, Any]  # options of the operation, by the names of Python arguments
-    keep: tuple[str, ...]  # what was kept, as on the command line
-    keys: tuple[str, ...]  # what varies
+    keep: tuple[str, ...]  # results to keep, as on the command line
+    keys: tuple[str, ...]  # names of varied numbers
     axes: tuple[tuple[str, FloatArray], ...]  # axes of the grid; empty without a grid
     method: str  # how cases were made: grid, random, latin_hypercube, sobol, saltelli, table
     ranges: Mapping[str, str]  # how each key varies, as it was written on the command line
@@ -71,7 +70,7 @@ class SweepResults:
     words: tuple[str, ...]  # statuses
     message: Callable[[int], str]  # message(case) returns the message of a case, "" if there is none
     kept: Mapping[str, KeptQuantity]  # quantities by name
-    key_units: Mapping[str, str] = field(default_factory=dict)  # units of keys, where they are known
+    key_units: Mapping[str, str] = field(default_factory=dict)  # units of keys, if known
 
     @property
     def count(self) -> int:
@@ -89,7 +88,7 @@ class SweepResults:
         return np.isin(self.status, [k for k, status in enumerate(self.words) if status != NOT_COMPUTED])
 
     def label_key(self, key: str) -> str:
-        """Return a key with its unit, for axes; of a long key the end, where keys differ."""
+        """Return a key with its unit, for axes; of a long key the end, in which keys differ."""
         short, unit = shorten_key(key, MOST_LETTERS), self.key_units.get(key, "")
         return f"{short} [{unit}]" if unit not in ("", "1") else short
 
@@ -100,7 +99,7 @@ class SweepResults:
 
 
 def shorten_key(key: str, length: int) -> str:
-    """Return the end of a long key, where keys differ."""
+    """Return the end of a long key, in which keys differ."""
     return key if len(key) <= length else "…" + key[1 - length :]
 
 
@@ -108,18 +107,20 @@ def read_results(path: str | Path) -> SweepResults:
     """Return a stored sweep, finished or not."""
     stored = read_stored_sweep(path)
     check_not_damaged(stored)
-    group, layout = open_group(stored), stored.layout
+    group, layout, scene = open_group(stored), stored.layout, stored.identity.get("scene")
+    name = scene.get("name") if isinstance(scene, Mapping) else None
     sweep = stored.attributes[ATTRIBUTE]
     status = group[STATUS]
     cases = stored.identity.get("cases", {})
     keys: Mapping[str, str] = sweep["keys"]
+    # Values of keys and statuses are read at once, results in blocks when they are used.
     columns = [np.asarray(group[name][...], dtype=np.float64) for name in keys.values()]
     n_axes = len(cases.get("axes", ()))
     codes = np.asarray(status[...]).ravel().astype(np.int64)
     operation = dict(stored.identity.get("operation", {}))
     return SweepResults(
         path=stored.path,
-        scene=_find_name(stored),
+        scene=str(name or stored.path.stem),
         operation=str(operation.pop("do", "")),
         options={name: value for name, value in operation.items() if name != "keep"},
         keep=tuple(operation.get("keep", ())),
@@ -135,13 +136,6 @@ def read_results(path: str | Path) -> SweepResults:
         kept=_find_kept(group, set(keys.values()), layout),
         key_units={key: str(group[name].attrs.get("units", "")) for key, name in keys.items()},
     )
-
-
-def _find_name(stored: StoredSweep) -> str:
-    """Return the name of the scene, else that of the folder."""
-    scene = stored.identity.get("scene")
-    name = scene.get("name") if isinstance(scene, Mapping) else None
-    return str(name or stored.path.stem)
 
 
 def _describe_ranges(cases: Mapping[str, Any]) -> dict[str, str]:

@@ -155,7 +155,7 @@ class Indices:
     total_error: half widths of the intervals; zero for a grid, which has no random error.
     """
 
-    keys: tuple[str, ...]  # what varies
+    keys: tuple[str, ...]  # names of varied numbers
     first: FloatArray
     total: FloatArray
     first_error: FloatArray
@@ -204,12 +204,7 @@ def _analyze(keys: tuple[str, ...], used: FloatArray, n_base: int) -> Indices:
     problem = {"num_vars": len(keys), "names": list(keys), "bounds": [[0.0, 1.0]] * len(keys)}
     resamples = int(np.clip(MOST_DRAWN // len(used), 20, RESAMPLES))
     analysis = sobol.analyze(
-        problem,
-        used.ravel(),
-        calc_second_order=False,
-        num_resamples=resamples,
-        conf_level=CONFIDENCE,
-        seed=1,
+        problem, used.ravel(), calc_second_order=False, num_resamples=resamples, conf_level=CONFIDENCE, seed=1
     )
     omitted = "" if len(used) == n_base else f", {n_base - len(used)} of {n_base} left out for failed cases"
     first_order, total, first_error, total_error = (

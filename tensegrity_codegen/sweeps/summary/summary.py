@@ -28,7 +28,7 @@ from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
 
 
 def _compute_mean(values: FloatArray, axis: int) -> FloatArray:
-    """Return the mean along an axis of what is there; NaN where nothing is."""
+    """Return the mean along an axis of the numbers that are not NaN; NaN without any."""
     is_known = ~np.isnan(values)
     count = is_known.sum(axis=axis)
     total = np.where(is_known, values, 0.0).sum(axis=axis)
@@ -102,7 +102,7 @@ def _default_specs(results: SweepResults) -> list[str]:
 
 
 def _find_rank(name: str, keep: Sequence[str]) -> int:
-    """Return the place of a result among what was kept, written NAME or NAME = EXPRESSION."""
+    """Return the index of a result among the kept ones, written NAME or NAME = EXPRESSION."""
     written = [entry.partition("=")[0].strip() for entry in keep]
     return written.index(name) if name in written else len(written)
 

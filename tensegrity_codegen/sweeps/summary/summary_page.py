@@ -95,7 +95,7 @@ def _outcome(summary: SweepSummary) -> Section:
 
 
 def _failures(summary: SweepSummary) -> Iterator[Section]:
-    """Return where cases failed; nothing where none failed, or all."""
+    """Return the section of failures; nothing if none failed, or all."""
     rows = summary.failing
     if not rows:
         return
@@ -254,7 +254,7 @@ def join_lines(message: str) -> str:
 
 
 def build_causes(summary: SweepSummary) -> Iterator[Section]:
-    """Return Sobol' indices where the cases allow them, and rank correlations."""
+    """Return Sobol' indices, if the cases allow them, and rank correlations."""
     shown = [entry for entry in summary.chosen if entry.distribution.count and not entry.is_constant]
     if not shown or not summary.results.keys:
         return
@@ -296,7 +296,7 @@ def _strength_table(summary: SweepSummary, shown: Sequence[ResultSummary], *, wi
 
 
 def _index_cells(indices: Indices | str, key_index: int) -> list[Cell]:
-    """Return first-order and total index with their intervals; dashes where there are none."""
+    """Return first-order and total index with their intervals; dashes without any."""
     if isinstance(indices, str):
         return [number_cell(None, ".3f")] * 2
     pairs = ((indices.first, indices.first_error), (indices.total, indices.total_error))
