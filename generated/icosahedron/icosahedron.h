@@ -263,7 +263,6 @@ typedef struct {
   int is_stopped;     /* 1 where an event of `stop` has ended the last call */
   int is_started; /* internal, from here on: kept between calls */
   int may_grow;   /* whether the next step may be longer: no, right after a rejection */
-  double reached; /* where the last call ended [s] */
   int succession;    /* events one after the other, each within a thousandth of a step of the last one */
   int crowd;         /* events one after the other, each within a step of the last one */
   int n_stalled;     /* trials since `mark` */
@@ -275,6 +274,7 @@ typedef struct {
   double remaining;  /* time from that end to the event [s] */
   double loudness;   /* factor of the rounding by which a margin must pass zero to count */
   double last_event; /* [s] */
+  double reached; /* where the last call ended [s] */
 } icosahedron_run;
 
 /* Classical Runge-Kutta 4 with a fixed step, from step `first_step` on, and dense output by quintic Hermite

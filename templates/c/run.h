@@ -83,7 +83,6 @@ typedef struct {
 #endif
   int is_started; /* internal, from here on: kept between calls */
   int may_grow;   /* whether the next step may be longer: no, right after a rejection */
-  double reached; /* where the last call ended [s] */
 #if WITH_ENERGY
   double energy; /* at the start [J] */
 #endif
@@ -100,6 +99,7 @@ typedef struct {
   double loudness;   /* factor of the rounding by which a margin must pass zero to count */
   double last_event; /* [s] */
 #endif
+  double reached; /* where the last call ended [s] */
 } scene_run;
 
 #endif
