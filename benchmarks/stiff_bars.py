@@ -47,6 +47,7 @@ from harness.turns import (
 from tensegrity_codegen.pipeline.compile_scene import load_nodes
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.stability.cases import as_springs, stiffen_bars
+from tensegrity_codegen.studies.work_precision.library_contenders import list_library_contenders
 from tensegrity_codegen.studies.work_precision.measure import (
     Contender,
     MotionProblem,
@@ -55,7 +56,6 @@ from tensegrity_codegen.studies.work_precision.measure import (
     Unavailable,
     find_agreement,
 )
-from tensegrity_codegen.studies.work_precision.own import own_contenders
 from tensegrity_codegen.studies.work_precision.peers import peer_contenders
 
 EXPLICIT = ("node_position, rk54", "node_position, rk853", "node_position, rk4")
@@ -203,9 +203,9 @@ def make_contenders(case: Case) -> dict[str, Contender]:
     wanted = {name for pair in case.pairs for name in pair.ours} | set(REFERENCES)
     others = tuple(name for pair in case.pairs for name in pair.others)
     makers = {
-        **dict(own_contenders(problem, flags="native", compiler=None, extra_methods=("rodas",))),
+        **dict(list_library_contenders(problem, flags="native", compiler=None, extra_methods=("rodas",))),
         **dict(peer_contenders(problem)),
-        DOOR: dict(own_contenders(problem, flags="reference", compiler=None))[DOOR],
+        DOOR: dict(list_library_contenders(problem, flags="reference", compiler=None))[DOOR],
     }
     if case.name == "tower":
         wanted -= {"node_position, rk4", *CORRECTED}

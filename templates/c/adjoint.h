@@ -3,6 +3,9 @@
 #include "explicit.h"
 #if WITH_ADJOINT
 
+/* The adjoint of an explicit method: it goes back over the recorded steps of a motion and carries the derivatives of a
+ * weighted sum of its samples from the end of the motion to its start, to parameters and to inputs. */
+
 /* Memory of one pass backwards. */
 typedef struct {
   real weight[N_MOVED * METHOD_RATES], rate[N_MOVED * METHOD_RATES], state[N_MOVED], rise[N_MOVED], base[N_MOVED];
@@ -29,7 +32,8 @@ typedef struct {
   method_adjoint_work *work;
 } method_adjoint;
 
-/* Add what a weight of numbers at a time, behind those of a state, makes of the gradient. */
+/* Add the derivatives of a rate to parameters and inputs at this time, which stand behind those to the state in `found`,
+ * to the gradient. */
 static inline void method_adjoin_numbers(double time, const method_adjoint *m)
 {
   const real *found = m->work->found + N_MOVED;

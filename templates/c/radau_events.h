@@ -4,8 +4,8 @@
 #include "radau_restart.h"
 #if WITH_EVENTS
 
-/* Far ahead of the motion: the third derivatives at the end of the last whole step carry it on over this part of
- * such a step, to 1e-12 and less of what it goes; without them over less. */
+/* How far a Taylor series may carry the motion on: with the third derivatives at the end of the last whole step over a
+ * thousandth of such a step, which is exact to 1e-12 of its length; without them over a millionth. */
 static inline double radau_reach(const radau_work *run, double usual_step)
 {
   return run->kept[RADAU_KEPT_HAS_JERK] > 0.0 ? 1e-3 * usual_step : 1e-6 * usual_step;
@@ -85,7 +85,7 @@ static inline void radau_sample_extrapolated(
   }
 }
 
-/* Pass the event that lies run->ahead of here: extrapolate to just beyond it and go on behind it, or say where the next
+/* Pass the event that lies events->ahead of here: extrapolate to just beyond it and go on behind it, or say where the next
  * step is to be cut. Returns 0 where something is not finite. */
 static inline int radau_event_pass(
     radau_work *run, double left, double *step, double *time, double *state, long long n_samples,

@@ -9,10 +9,10 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.analyses.cases.nominal_controller import CaseLoop, NominalController
 from tensegrity_codegen.analyses.cases.quantities import CaseArguments, Outcomes
 from tensegrity_codegen.analyses.cases.record import CaseAnalysis, Option, Output
 from tensegrity_codegen.analyses.cases.scene_case import SceneCase
-from tensegrity_codegen.analyses.cases.unchanged_loop import SweptPlant, UnchangedLoop
 from tensegrity_codegen.analyses.plans.held_motion import FeedbackDesign, FeedbackOptions, HeldMotion
 from tensegrity_codegen.control.embedded.parts import (
     SIMULATED_LOOP_NAME,
@@ -101,7 +101,7 @@ class SweptControl(CaseAnalysis):
     start_error: Annotated[float | None, Option("by how much coordinates are off at the start [m].")] = None
     draws: Annotated[int, Option("number of draws of start errors and noise for each case.")] = 1
     draw_seed: Annotated[int, Option("seed of start errors and noise.")] = 0
-    design: UnchangedLoop | None = None
+    design: NominalController | None = None
 
     def describe(self) -> dict[str, Any]:
         """Return name and options, with the hash of the plan's file."""
@@ -140,7 +140,7 @@ class SweptControl(CaseAnalysis):
         default = find_default_times(motion, *find_time_constants(built["stored_gains"], estimator))[0]
         end, error_window = read_times(self.sample_time, default, self.t_end, self.last)
         count_samples(end, self.sample_time)
-        design = UnchangedLoop(
+        design = NominalController(
             model,
             request,
             controller,
@@ -195,7 +195,7 @@ class SweptControl(CaseAnalysis):
                 "inputs are those of the motion in a closed loop", where="over", given="a key of an input",
                 allowed="numbers of the scene or of its structure",
             )  # fmt: skip
-        plant = SweptPlant(model, self.design)
+        plant = CaseLoop(model, self.design)
         arrays = {
             output.name: output.full_of_nan(case_arguments.count) for output in self.outputs(model.manifest)
         }

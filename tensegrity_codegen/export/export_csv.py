@@ -24,7 +24,7 @@ WRITTEN = ("name", "axes", "shape", "classes", "nodes", "members", "loads", "lim
 MOTION = ("time [s]", ".x [m]", ".y [m]", ".z [m]", ".tension [N]")  # ends of the columns of a motion
 
 
-def write_tables(source: ExportSource, path: Path, *, trajectory: Path | None = None) -> Exported:
+def encode_tables(source: ExportSource, path: Path, *, trajectory: Path | None = None) -> Exported:
     """Return nodes.csv and members.csv, and with a trajectory motion.csv: times, positions and tensions.
 
     Numbers are the shortest texts that read back bit-equal. Raises FormulationError for scenes of bodies, and
@@ -108,7 +108,7 @@ EXPORTER = Exporter(
     name="csv",
     title="a folder with the tables of nodes and members that `import` reads (CSV)",
     endings=(".csv",),
-    write=write_tables,
+    write=encode_tables,
     options=("trajectory",),
     order=35,
     is_folder=True,

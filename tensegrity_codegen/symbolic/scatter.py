@@ -92,10 +92,11 @@ class CoordinateMap:
                         row = self.index.get((node, row_axis))
                         if row is not None and column is not None:
                             self._add(entries, row, column, blocks[e].entries[r][c], sign)
-        for row_node, second, block in pairs:
-            for (own, sign), (far_node, turned) in product(_signed(row_node), _signed(second)):
+        for row_nodes, column_nodes, block in pairs:
+            for (row_node, sign), (column_node, turned) in product(_signed(row_nodes), _signed(column_nodes)):
                 for (r, row_axis), (c, column_axis) in product(enumerate(self.axes), repeat=2):
-                    row, column = self.index.get((own, row_axis)), self.index.get((far_node, column_axis))
+                    row = self.index.get((row_node, row_axis))
+                    column = self.index.get((column_node, column_axis))
                     if row is not None and column is not None:
                         self._add(entries, row, column, block.entries[r][c], sign * turned)
         return self._sparse(entries, self.n_coordinates)

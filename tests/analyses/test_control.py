@@ -17,9 +17,9 @@ from tensegrity_codegen import (
     simulate_control_batch,
     sweep,
 )
+from tensegrity_codegen.analyses.cases.nominal_controller import CaseLoop, NominalController
 from tensegrity_codegen.analyses.cases.registry import build_analysis
 from tensegrity_codegen.analyses.cases.statuses import STATUSES
-from tensegrity_codegen.analyses.cases.unchanged_loop import SweptPlant, UnchangedLoop
 from tensegrity_codegen.analyses.control import SweptControl
 from tensegrity_codegen.cli.verbs.sweep import build_commands
 from tensegrity_codegen.control.feedback.study.control_study import measure_run
@@ -61,7 +61,7 @@ def lift(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def design(lift: Path, **options: Any) -> UnchangedLoop:
+def design(lift: Path, **options: Any) -> NominalController:
     operation = build_analysis("control", **(OPTIONS | options)).prepared(lift)
     assert isinstance(operation, SweptControl)
     assert operation.design is not None
@@ -162,7 +162,7 @@ def test_slow_motors_lag_behind_their_commands(lift: Path) -> None:
     loop = design(lift, start_error=0.1)
     for back, rate in ((0, 0.05), (2, 0.08)):
         given = {"actuator_rate": np.array([rate]), "actuator_delay": np.array([(back + 0.4) * SAMPLE])}
-        slow = SweptPlant(loop.model, loop).run({}, given, 0, 0)
+        slow = CaseLoop(loop.model, loop).run({}, given, 0, 0)
         command = np.concatenate([np.repeat(loop.controller.motion.input[:1], back, axis=0), slow.command])
         where = loop.controller.motion.input[0]
         for k, value in enumerate(slow.input):
@@ -238,16 +238,16 @@ def test_other_controllers_are_those_of_the_verb(lift: Path, options: dict[str, 
         assert float(found.end_error[k]) == pytest.approx(measured.end_error, rel=1e-6)
         assert float(found.least_tension[k]) == pytest.approx(measured.least_tension, rel=1e-6)
     sent = pickle.loads(pickle.dumps(loop))
-    again = SweptPlant(sent.model, sent).run({}, {}, 0, 0)
-    np.testing.assert_array_equal(again.command, SweptPlant(loop.model, loop).run({}, {}, 0, 0).command)
+    again = CaseLoop(sent.model, sent).run({}, {}, 0, 0)
+    np.testing.assert_array_equal(again.command, CaseLoop(loop.model, loop).run({}, {}, 0, 0).command)
 
 
 def test_a_loop_whose_programs_are_not_solved_has_this_status(
     lift: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run_loop = SweptPlant.run
+    run_loop = CaseLoop.run
     monkeypatch.setattr(
-        SweptPlant, "run", lambda *given: replace(run_loop(*given), status="not_solved", message="90 of 300")
+        CaseLoop, "run", lambda *given: replace(run_loop(*given), status="not_solved", message="90 of 300")
     )
     found = run(lift, {CORD: [70.0]})
     assert STATUSES[int(found.status[0])] == "not_solved"

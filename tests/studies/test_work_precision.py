@@ -17,6 +17,11 @@ from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.work_precision import scene_report
+from tensegrity_codegen.studies.work_precision.library_contenders import (
+    VARIANTS,
+    describe_simulation,
+    list_library_contenders,
+)
 from tensegrity_codegen.studies.work_precision.measure import (
     Contender,
     Reference,
@@ -29,7 +34,6 @@ from tensegrity_codegen.studies.work_precision.measure import (
     measure,
     set_problem,
 )
-from tensegrity_codegen.studies.work_precision.own import VARIANTS, describe_simulation, own_contenders
 from tensegrity_codegen.studies.work_precision.peers import (
     cvode,
     mujoco_tendons,
@@ -190,7 +194,9 @@ def test_mujoco_moves_elastic_bars_as_bodies_at_anchors_under_loads() -> None:
     pytest.importorskip("mujoco", reason="MuJoCo is not installed")
     structure = two_bars()
     problem = set_problem(structure, 0.3, 3)
-    own = dict(own_contenders(problem, flags="reference", compiler=None))["rigid_bar, all bars, rk853"]()
+    own = dict(list_library_contenders(problem, flags="reference", compiler=None))[
+        "rigid_bar, all bars, rk853"
+    ]()
     makers = dict(mujoco_tendons.contenders(problem))
     place = makers["MuJoCo (rigid bars) RK4"]().run(3e-4)().node_position
     assert np.abs(place[-1] - place[0]).max() > 0.1
@@ -345,7 +351,7 @@ def test_simulate_repeats_a_recommended_run(
     """A run with the options and keys that a report states has the same positions."""
     structure = load_nodes(EXAMPLES / "prism.toml")
     problem = set_problem(structure, 0.05, 3)
-    made = dict(own_contenders(problem, flags="reference", compiler=None))[name]()
+    made = dict(list_library_contenders(problem, flags="reference", compiler=None))[name]()
     setting = sorted(made.settings)[len(made.settings) // 2]
     measured = row(made.name, 0.0, 1.0, formulation=made.formulation, method=made.method)
     text = describe_simulation(replace(measured, kind=made.kind, setting=setting), problem.t_end, "reference")

@@ -210,7 +210,7 @@ def changeable_mass(writer: Writer, node: IntArray, counter: str) -> str:
 class ScaleRows:
     """Divides the rows of accelerations in some columns of a sparse Jacobian by their masses.
 
-    Rows that bars with own mass couple keep their size: see MixRows.
+    Rows that bars with own mass couple keep their size: see ApplyMassInverse.
 
     target: the Jacobian, of which the first n_coordinates rows are rates of coordinates; column: first and
     last; skip: entries at the beginning of each column that stay; turn: change the sign.

@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from tensegrity_codegen.codegen.table.apply_mass_inverse import ApplyMassInverse
 from tensegrity_codegen.codegen.table.mass import MassDiagonal, ScaleRows, check_mass, pairs_of_coordinates
 from tensegrity_codegen.codegen.table.members.access import MemberAccess, OfFreeMembers
 from tensegrity_codegen.codegen.table.members.block_pattern import (
@@ -26,7 +27,6 @@ from tensegrity_codegen.codegen.table.members.block_pattern import (
 from tensegrity_codegen.codegen.table.members.member_loops import MemberLoop, member_loops
 from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.writer import Recipe, Stage, Statements, Writer, loop
-from tensegrity_codegen.codegen.table.mix_rows import MixRows
 from tensegrity_codegen.structure.assembly import ABSENT, MemberGroup
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
@@ -48,7 +48,10 @@ def input_jacobian(model: TableModel) -> Recipe:
     )
     if groups is not None:
         check_entries(model, name, len(columns.flat_index))
-        stages = (*stages, MixRows(name, "group", groups, lambda: columns.own_flat_index, columns.at))
+        stages = (
+            *stages,
+            ApplyMassInverse(name, "group", groups, lambda: columns.own_flat_index, columns.at),
+        )
     return Recipe(
         shape,
         stages,
@@ -257,7 +260,7 @@ def _rest_length_jacobian(model: TableModel) -> Recipe:
     stages: tuple[Stage, ...] = (*loops, ScaleRows(model, name, (0, shape[1])))
     if groups is not None:
         check_entries(model, name, len(columns.row))
-        mix = MixRows(name, "group", groups, lambda: columns.own_flat_index, columns.at)
+        mix = ApplyMassInverse(name, "group", groups, lambda: columns.own_flat_index, columns.at)
         stages = (_fill_zero(name, lambda: len(columns.row)), *stages, mix)
     return Recipe(
         shape,
@@ -309,11 +312,11 @@ def _state_jacobian(model: TableModel) -> Recipe:
     return Recipe((2 * count, 2 * count), stages, find_pattern=pattern)
 
 
-def _mix_blocks(groups: MassGroups | None, sink: AddBlocks, name: str) -> tuple[MixRows, ...]:
+def _mix_blocks(groups: MassGroups | None, sink: AddBlocks, name: str) -> tuple[ApplyMassInverse, ...]:
     """Return the stage that multiplies the blocks of a sink by H^-1 of coupled nodes, if any."""
     if groups is None:
         return ()
-    return (MixRows(sink.target, name, groups, lambda: sink.pattern.own_flat_index, sink.entry),)
+    return (ApplyMassInverse(sink.target, name, groups, lambda: sink.pattern.own_flat_index, sink.entry),)
 
 
 MATRICES: Mapping[str, Callable[[TableModel], Recipe]] = {

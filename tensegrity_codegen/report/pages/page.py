@@ -380,7 +380,7 @@ def joined_figure(name: str, diagram: Diagram, caption: str, alt: str) -> Figure
 
 
 def _coincide(line: Series, candidate: Series, distance: float) -> bool:
-    """Return whether two lines have the same places and values within `near`."""
+    """Return whether two lines have the same places and values within `distance`."""
     if line.style != candidate.style and "points" in (line.style, candidate.style):
         return False
     line_y, second = (np.asarray(curve.y, dtype=float) for curve in (line, candidate))

@@ -310,10 +310,10 @@ def build_result(
     ]
     document |= {"loads": loads} if loads else {}
     input_names, input_notes = name_all(
-        [str(member_entry["name"]) for member_entry in network.inputs], "u", "inputs were"
+        [str(input_entry["name"]) for input_entry in network.inputs], "u", "inputs were"
     )
     tables = {"nodes": node_names, "members": member_names, "name": input_names}
-    inputs = [_rename_entry(member_entry, tables) for member_entry in network.inputs]
+    inputs = [_rename_entry(input_entry, tables) for input_entry in network.inputs]
     document |= {"inputs": inputs} if inputs else {}
     document |= _rename_control(network.control, node_names, member_names)
     notes += [*node_notes, *member_notes, *class_notes, *input_notes]

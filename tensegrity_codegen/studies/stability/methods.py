@@ -28,8 +28,8 @@ from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.ground import CHANGEABLE
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.stability.cases import Case, as_springs, with_rigid_bars, with_springs
+from tensegrity_codegen.studies.work_precision.library_contenders import CompiledMotion
 from tensegrity_codegen.studies.work_precision.measure import Contender, MotionProblem, Run, Unavailable
-from tensegrity_codegen.studies.work_precision.own import CompiledMotion
 from tensegrity_codegen.studies.work_precision.peers import peer_contenders
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError, TensegrityError

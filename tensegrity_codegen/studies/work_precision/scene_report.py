@@ -9,6 +9,10 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.studies.study import hash_study
+from tensegrity_codegen.studies.work_precision.library_contenders import (
+    describe_simulation,
+    list_library_contenders,
+)
 from tensegrity_codegen.studies.work_precision.measure import (
     EQUATIONS,
     Contender,
@@ -23,7 +27,6 @@ from tensegrity_codegen.studies.work_precision.measure import (
     is_clearly_slower,
     measure,
 )
-from tensegrity_codegen.studies.work_precision.own import describe_simulation, own_contenders
 from tensegrity_codegen.studies.work_precision.peers import peer_contenders
 from tensegrity_codegen.system.journal import Journal, Resumption
 from tensegrity_codegen.system.progress import part_of
@@ -229,7 +232,7 @@ def _find_reference(
 def _gather(
     problem: MotionProblem, options: Options, progress: Progress | None
 ) -> tuple[list[Contender], dict[str, str]]:
-    makers = list(own_contenders(problem, flags=options.flags, compiler=options.compiler))
+    makers = list(list_library_contenders(problem, flags=options.flags, compiler=options.compiler))
     makers += list(peer_contenders(problem, compiler=options.compiler)) if options.peers else []
     contenders: list[Contender] = []
     absent: dict[str, str] = {}

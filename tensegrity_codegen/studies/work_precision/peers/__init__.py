@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import chain
 
+from tensegrity_codegen.studies.work_precision.library_contenders import CompiledMotion
 from tensegrity_codegen.studies.work_precision.measure import Contender, MotionProblem, Unavailable
-from tensegrity_codegen.studies.work_precision.own import CompiledMotion
 from tensegrity_codegen.studies.work_precision.peers import cvode, mujoco_tendons, scipy_ivp, sundials
 
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.studies.study import load_c
+from tensegrity_codegen.studies.work_precision.library_contenders import ATOL_OF_RTOL
 from tensegrity_codegen.studies.work_precision.measure import Contender, MotionProblem, Run, Unavailable
-from tensegrity_codegen.studies.work_precision.own import ATOL_OF_RTOL
 from tensegrity_codegen.studies.work_precision.peers.sundials import MAX_DENSE, TOLERANCES, build_rates
 
 ADAMS, BDF, NORMAL = 1, 2, 1  # constants of cvode.h

@@ -9,14 +9,14 @@ import numpy as np
 from scipy.integrate import ode, odeint, solve_ivp
 
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
-from tensegrity_codegen.studies.work_precision.measure import Contender, MotionProblem, Run
-from tensegrity_codegen.studies.work_precision.own import (
+from tensegrity_codegen.studies.work_precision.library_contenders import (
     ATOL_OF_RTOL,
     CompiledMotion,
     compile_problem,
     initial_state,
     place_samples,
 )
+from tensegrity_codegen.studies.work_precision.measure import Contender, MotionProblem, Run
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 from tensegrity_codegen.tables.formulations import choose_formulation

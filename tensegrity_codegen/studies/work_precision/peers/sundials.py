@@ -11,8 +11,8 @@ import numpy as np
 
 from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.studies.work_precision.library_contenders import ATOL_OF_RTOL
 from tensegrity_codegen.studies.work_precision.measure import Contender, MotionProblem, Run, Unavailable
-from tensegrity_codegen.studies.work_precision.own import ATOL_OF_RTOL
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.tables.request import ModelRequest

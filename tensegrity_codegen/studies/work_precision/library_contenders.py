@@ -67,7 +67,7 @@ VARIANTS: Mapping[str, Variant] = {
 }
 
 
-def own_contenders(
+def list_library_contenders(
     problem: MotionProblem, *, flags: str, compiler: str | None, extra_methods: tuple[str, ...] = ()
 ) -> Iterator[tuple[str, Callable[[], Contender]]]:
     """Yield name and maker of each of our contenders; makers raise Unavailable for what does not apply."""

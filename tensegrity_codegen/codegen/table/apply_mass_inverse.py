@@ -16,7 +16,7 @@ from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True)
-class MixRows:
+class ApplyMassInverse:
     """Turns forces into accelerations, in the rows of groups, in every column of the values `target`.
 
     name: of its tables.
@@ -95,7 +95,7 @@ class _Work:
     there once.
     """
 
-    def __init__(self, mix: MixRows) -> None:
+    def __init__(self, mix: ApplyMassInverse) -> None:
         groups = mix.groups
         n, n_groups = groups.model.n_coordinates, len(groups.coordinate)
         # Entries of groups, sorted by column and group

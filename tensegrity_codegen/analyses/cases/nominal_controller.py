@@ -1,4 +1,4 @@
-"""The controller of the unchanged scene of a sweep, and simulated loops of cases under it."""
+"""The controller of the unchanged scene of a sweep, and the simulated closed loop of each case with it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 
 @dataclass(frozen=True, eq=False)
-class UnchangedLoop:
+class NominalController:
     """The controller of the unchanged scene, and its disturbances.
 
     model, request: of the unchanged scene; another process builds the model again. controller, files: the
@@ -65,62 +65,65 @@ def _with_model(parts: ControllerParts, model: Any) -> ControllerParts:
     return replace(parts, estimator=estimator, distribution=distribution)
 
 
-class SweptPlant:
+class CaseLoop:
     """The model of some cases under the controller of the unchanged scene, in one loop in C."""
 
-    def __init__(self, model: CompiledModel, design: UnchangedLoop) -> None:
+    def __init__(self, model: CompiledModel, design: NominalController) -> None:
         self.model, self.design = model, design
         self.count = count_samples(design.t_end, design.controller.sample)
         self.loops: dict[bytes, CompiledLoop] = {}
 
     def run(
-        self, own: Mapping[str, Any], loops: Mapping[str, FloatArray], draw: int, seed: int
+        self, case_arguments: Mapping[str, Any], loop_values: Mapping[str, FloatArray], draw: int, seed: int
     ) -> ControlRun:
         """Return the run of a draw; raises InvalidValueError for a structure with other coordinates.
 
-        own: arguments of the model; its start is that of the motion, with the changes of the case added.
-        loops: delays and rates of the actuators and noise of the sensors of the scene, and gusts, if they
-        vary between cases.
+        case_arguments: of the model; the start is that of the motion, with the changes of the case added.
+        loop_values: delays and rates of actuators, noise of sensors, and gusts, if they vary between cases.
         """
         design, controller = self.design, self.design.controller
         gains = controller.gains if controller.mpc is None else controller.mpc.gains
         check_parts(self.model.manifest, controller.motion, gains, controller.estimator, None)
-        arguments = {name: value for name, value in own.items() if name not in ("coordinate", "velocity")}
+        arguments = {
+            name: value for name, value in case_arguments.items() if name not in ("coordinate", "velocity")
+        }
         state = Disturbance(
-            coordinate_error=design.drawn[draw].coordinate + self._find_change(own, "coordinate"),
-            velocity_error=self._find_change(own, "velocity"),
+            coordinate_error=design.drawn[draw].coordinate + self._find_change(case_arguments, "coordinate"),
+            velocity_error=self._find_change(case_arguments, "velocity"),
             arguments=arguments,
-            gust=self._find_gusts(loops),
+            gust=self._find_gusts(loop_values),
             seed=int(np.random.SeedSequence([seed, draw]).generate_state(1)[0]),
         )
         start = read_disturbance(self.model, controller.motion, state)
         structure = self.model.structure
         assert structure is not None  # libraries of a sweep have theirs
-        noise = loops.get("sensor_noise", np.array([sensor.noise for sensor in structure.sensors]))
+        noise = loop_values.get("sensor_noise", np.array([sensor.noise for sensor in structure.sensors]))
         sensing = None if controller.estimator is None else self._find_sensing(noise)
         names = [actuator.name for actuator in structure.actuators]
         rows = [names.index(name) for name in controller.bounds.names]
-        delay = loops.get("actuator_delay", np.array([actuator.delay for actuator in structure.actuators]))
-        rate = loops.get("actuator_rate", np.array([actuator.rate for actuator in structure.actuators]))
+        delay = loop_values.get(
+            "actuator_delay", np.array([actuator.delay for actuator in structure.actuators])
+        )
+        rate = loop_values.get("actuator_rate", np.array([actuator.rate for actuator in structure.actuators]))
         limits = ActuatorLimits(delay=delay[rows], rate=rate[rows])
         bounds = find_bounds(self.design.model, controller.motion, limits, may_lag=True)
         return self._find_loop(sensing).run(start, self.count, bounds)
 
-    def _find_gusts(self, loops: Mapping[str, FloatArray]) -> list[Gust]:
+    def _find_gusts(self, loop_values: Mapping[str, FloatArray]) -> list[Gust]:
         """Return the gusts of a case; raises InvalidValueError for one after the simulated time."""
         assert self.model.structure is not None
         manifest, no_gust = self.model.manifest, build_no_gust(self.model.structure)
-        force, time = no_gust[GUST], loops.get(GUST_TIME, no_gust[GUST_TIME])
-        force[:, list(manifest.axes)] = loops.get(GUST, 0.0)
+        force, time = no_gust[GUST], loop_values.get(GUST_TIME, no_gust[GUST_TIME])
+        force[:, list(manifest.axes)] = loop_values.get(GUST, 0.0)
         rows = [(manifest.node_name[k], *force[k].tolist()) for k in np.flatnonzero(force.any(axis=1))]
         gusts = [Gust(name, (x, y, z), *time.tolist()) for name, x, y, z in rows]
         check_gust_times(gusts, self.design.t_end)
         return gusts
 
-    def _find_change(self, own: Mapping[str, Any], name: str) -> FloatArray:
+    def _find_change(self, case_arguments: Mapping[str, Any], name: str) -> FloatArray:
         """Return by how much the start of the case differs from that of the unchanged scene."""
         before = np.asarray(self.design.model.nominal(name), dtype=np.float64)
-        return np.asarray(own.get(name, self.model.nominal(name)), dtype=np.float64) - before
+        return np.asarray(case_arguments.get(name, self.model.nominal(name)), dtype=np.float64) - before
 
     def _find_sensing(self, noise: FloatArray) -> Sensing:
         """Return the sensing of the case; noise: of each sensor of the scene."""
