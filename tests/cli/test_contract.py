@@ -158,8 +158,11 @@ GOOD_CALLS_BY_TIME = [*(verb for verb in GOOD_CALLS if verb not in LONG_CALLS), 
 @pytest.mark.parametrize("verb", GOOD_CALLS_BY_TIME)
 @pytest.mark.usefixtures("two_nodes", "tables")
 def test_json_is_one_object_on_stdout(verb: str, run: Run) -> None:
+    """The stored keys are the contract: others are added beside them."""
     ended = run.good(*GOOD_CALLS[verb], "--json")
     assert ended.data["status"] in ("ok", "converged", "stable", "optimal")
+    stored = json.loads((Path(__file__).parent / "json_keys.json").read_text(encoding="utf-8"))
+    assert set(stored[verb]) <= set(ended.data)
 
 
 @pytest.mark.parametrize("verb", GOOD_CALLS_BY_TIME)
