@@ -39,6 +39,9 @@ MAX_SHRINK_WITH_SWITCHES, MIN_COUNTED_WITH_SWITCHES = 0.03, 2.0
 # Of the tolerance: two runs that agree so well share an error that may be more than twice their difference.
 LEAST_ERROR_WITH_SWITCHES = 0.05
 LEAST_PART = 0.1  # of the difference of two runs that counts: tighter steps are not trusted to gain more
+FEW_SAMPLES = (
+    4.0  # over the number of samples: of the difference counts at least this; few may agree by chance
+)
 MIN_STEP_GROWTH = 1.15  # of the number of steps, below which tightening has gained nothing to count on
 # Of the tolerance of the steps: two runs that took the same steps agree, and each may be off by so much.
 LEAST_SHARE_OF_STEPS = 0.1
@@ -225,7 +228,7 @@ class _Rounds:
         power = _find_power(difference_before, self.difference, self.tightened)
         is_no_finer = at_least or finer.n_steps < MIN_STEP_GROWTH * self.previous.n_steps
         part = 1.0 if is_no_finer else min(1.0 / 3.0, max(3.0 * tightened**power, LEAST_PART))
-        part = max(part, checks.min_counted)
+        part = max(part, checks.min_counted, min(1.0, FEW_SAMPLES / len(finer.time)))
         self.tightened = tightened
         found = compare_runs(self.previous, finer, self.tolerance, part=part, more=allowance, noise=noise)
         self.error, self.where = found.error, found.where
