@@ -1,4 +1,4 @@
-"""The implicit integrator `radau` (Radau IIA), and those that keep the energy: functions and tables.
+"""The implicit integrator (Radau IIA, order 5), and those that keep the energy: functions and tables.
 
 Mixed form: the tension of every two-sided member that joins a free coordinate is an unknown, the multiplier
 of that member's law. Newton matrices hold masses and directions of these members; cables, soft beside them,
