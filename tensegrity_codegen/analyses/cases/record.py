@@ -190,7 +190,7 @@ class Result(ABC):
 
     def write(self, name: str, path: "Path", *, overwrite: bool) -> bool:
         """Write the file of the option `name` before the answer is printed; return whether it exists."""
-        raise NotImplementedError(name)
+        raise TypeError(f"{type(self).__name__} has no file {name!r}")
 
     @abstractmethod
     def as_dict(self) -> dict[str, Any]:

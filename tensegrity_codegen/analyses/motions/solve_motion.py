@@ -36,6 +36,8 @@ LARGE_CHANGE = 0.01  # part of the structure's size above which the comparison i
 
 def solve_motion(analysis: MotionAnalysis, case: "SceneCase") -> MotionAnswer:
     """Return the motion of a scene, and with `ground_check` that on a stiffer ground beside it."""
+    # Without a ground there is nothing to compare, which is said before anything is computed.
+    ground = require_ground(case.subject, "--ground-check").ground if analysis.ground_check else None
     library, run_arguments = _prepare(analysis, case)
     if library.structure is not None:
         interval = analysis.t_end / max(analysis.samples - 1, 1)
@@ -47,11 +49,9 @@ def solve_motion(analysis: MotionAnalysis, case: "SceneCase") -> MotionAnswer:
         "t_stopped": motion.evidence.get(STOPPED_AT),
         "inputs": {name: value for name, value in run_arguments["arguments"].items() if name != "internal"},
     }
-    if not analysis.ground_check:
+    if ground is None:
         return MotionAnswer(case, motion, facts)
     # The same motion on a stiffer ground.
-    ground = require_ground(case.subject, "--ground-check").ground
-    assert ground is not None
     on_stiffer = replace(case, subject=replace(case.subject, ground=ground.stiffen(STIFFER)))
     stiffer = _simulate(analysis, *_prepare(analysis, on_stiffer))
     change = compare_motions(motion, stiffer)
