@@ -12,8 +12,6 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.codegen.integrators.events import EVENT_QUANTITIES, choose_events
-from tensegrity_codegen.codegen.lanes.emitter import FORCE_QUANTITIES
-from tensegrity_codegen.codegen.lanes.kernel import BLOCKS
 from tensegrity_codegen.codegen.table.emitter import TABLE
 from tensegrity_codegen.codegen.unrolled import MAX_MEMBERS
 from tensegrity_codegen.scene.subject import Subject
@@ -27,7 +25,6 @@ from tensegrity_codegen.tables.integrators import called_quantities
 from tensegrity_codegen.tables.request import ModelRequest
 
 AUTO = "auto"
-MIN_VECTOR_MEMBERS = 4  # that fill one vector of the emitter lanes
 MAX_STRAIGHT_LINE_MEMBERS = (
     100  # members up to which straight-line code is faster than loops and compiles quickly
 )
@@ -37,7 +34,6 @@ MAX_STRAIGHT_LINE_MEMBERS = (
 class EmitterFacts:
     """Facts that the choice depends on.
 
-    has_vectors: whether the emitter lanes writes one of the wanted functions in vectors.
     lacking: wanted quantities that the emitter table does not serve.
     most_members: largest number of members that the emitter unrolled takes.
     has_rings: whether cables slide through rings.
@@ -45,7 +41,6 @@ class EmitterFacts:
 
     formulation: str
     n_members: int
-    has_vectors: bool = False
     lacking: tuple[str, ...] = ()
     most_members: int = MAX_MEMBERS
     has_rings: bool = False
@@ -63,20 +58,13 @@ def choose_emitter(facts: EmitterFacts) -> EmitterChoice:
     """Return the emitter for these facts."""
     count = facts.n_members
     members = describe_count(count, "member")
-    is_open = not facts.lacking or count > facts.most_members  # which unrolled would refuse all the same
     emitters = find_formulation(facts.formulation).emitters
     if facts.has_rings:
         return EmitterChoice("unrolled", "cables through rings: the only emitter that knows them")
-    if "table" in emitters and "lanes" not in emitters and count > MAX_STRAIGHT_LINE_MEMBERS and is_open:
-        return EmitterChoice("table", f"{members}, more than {MAX_STRAIGHT_LINE_MEMBERS}: loops, for statics")
-    if "lanes" not in emitters:
+    if "table" not in emitters:
         return EmitterChoice("unrolled", f"the only emitter for the formulation {facts.formulation!r}")
-    if count <= MAX_STRAIGHT_LINE_MEMBERS and facts.has_vectors:
-        why = f"{members}, forces or stiffness requested: four members at a time are fastest"
-        return EmitterChoice("lanes", why)
     if count <= MAX_STRAIGHT_LINE_MEMBERS:
-        why = f"{members}, nothing to do four members at a time: straight-line code is fastest"
-        return EmitterChoice("unrolled", why)
+        return EmitterChoice("unrolled", f"{members}: code without tables is fastest")
     if facts.lacking and count <= facts.most_members:
         why = f"{members}, and loops over tables do not serve {', '.join(facts.lacking)}"
         return EmitterChoice("unrolled", why)
@@ -87,14 +75,11 @@ def choose_emitter(facts: EmitterFacts) -> EmitterChoice:
 
 def find_facts(structure: Subject, request: ModelRequest) -> EmitterFacts:
     """Return the facts of the choice; those that make no difference keep their defaults."""
-    facts = EmitterFacts(request.formulation, structure.n_members, has_vectors(structure, request))
+    facts = EmitterFacts(request.formulation, structure.n_members)
     if has_rings(structure):
         return replace(facts, has_rings=True)
-    emitters = find_formulation(request.formulation).emitters
-    if "lanes" in emitters:
-        is_open = MAX_STRAIGHT_LINE_MEMBERS < facts.n_members <= MAX_MEMBERS
-        return replace(facts, lacking=_find_lacking(structure, request)) if is_open else facts
-    if "table" in emitters and facts.n_members > MAX_STRAIGHT_LINE_MEMBERS:
+    is_open = MAX_STRAIGHT_LINE_MEMBERS < facts.n_members <= MAX_MEMBERS
+    if "table" in find_formulation(request.formulation).emitters and is_open:
         try:
             return replace(facts, lacking=_find_lacking(structure, request))
         except FormulationError:  # options that loops do not have
@@ -102,23 +87,11 @@ def find_facts(structure: Subject, request: ModelRequest) -> EmitterFacts:
     return facts
 
 
-def has_vectors(structure: Subject, request: ModelRequest) -> bool:
-    """Return whether the emitter lanes writes more than unrolled does: see lanes.emitter."""
-    return (
-        "lanes" in find_formulation(request.formulation).emitters
-        and len(structure.axes) == 3
-        and request.precision == "double"
-        and structure.n_members >= MIN_VECTOR_MEMBERS
-        and getattr(structure, "ground", None) is None
-        and any(name in FORCE_QUANTITIES or name in BLOCKS for name in request.quantities)
-    )
-
-
 def list_candidates(structure: Subject, request: ModelRequest) -> tuple[str, ...]:
     """Return the emitters worth a measurement: the one named, or all that write different code."""
     if request.emitter != AUTO or has_rings(structure):
         return ("unrolled" if request.emitter == AUTO else request.emitter,)
-    return ("unrolled", *(("lanes",) if has_vectors(structure, request) else ()), "table")
+    return ("unrolled", "table")
 
 
 def _find_lacking(structure: Subject, request: ModelRequest) -> tuple[str, ...]:

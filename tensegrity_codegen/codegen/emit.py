@@ -27,7 +27,6 @@ from tensegrity_codegen.codegen.integrators.events import find_events
 from tensegrity_codegen.codegen.integrators.implicit import KEPT_QUANTITIES, check_keep
 from tensegrity_codegen.codegen.integrators.integrators import PROJECTION, SETTLING
 from tensegrity_codegen.codegen.integrators.profiles import check_jumps, list_derivative_quantities
-from tensegrity_codegen.codegen.lanes.emitter import LANES
 from tensegrity_codegen.codegen.left_out import account_left_out, build_with
 from tensegrity_codegen.codegen.print.lane_printer import PrintedLanes
 from tensegrity_codegen.codegen.source import write_sources
@@ -52,7 +51,7 @@ PLASTIC_QUANTITIES = ("plastic_power", "plastic_work", "plastic_elongation")  # 
 # Fields of a structure with a number a member.
 OF_MEMBERS = ("rest_length", "spring_constant", "axial_stiffness", "damping", "member_mass", "radius")
 
-EMITTERS = {emitter.name: emitter for emitter in (UNROLLED, LANES, TABLE)}
+EMITTERS = {emitter.name: emitter for emitter in (UNROLLED, TABLE)}
 
 
 @dataclass(frozen=True)

@@ -69,14 +69,12 @@ class WantedFunction(Protocol):
 class Bodies:
     """C text of functions: a preamble, and the statements of each, by quantity.
 
-    checked: quantities whose statements end by returning whether all results are finite; checked_by_sums:
-    those that return non-zero only if all arguments and results are finite, and may return zero then too.
+    checked: quantities whose statements end by returning whether all results are finite.
     """
 
     statements: Mapping[str, Sequence[str]]
     preamble: Sequence[str] = ()
     checked: frozenset[str] = frozenset()
-    checked_by_sums: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)

@@ -282,7 +282,6 @@ def _function_context(
         "arguments": [arguments[name] for name in function.arguments],
         "input_size": max((arguments[name]["size"] for name in function.arguments), default=0),
         "is_checked": spec.quantity in bodies.checked,
-        "is_checked_by_sums": spec.quantity in bodies.checked_by_sums,
         "lines": bodies.statements[spec.quantity],
         "casadi_pattern": casadi_pattern(function.shape, function.pattern) if has_casadi_abi else [],
     }

@@ -6,6 +6,7 @@ arguments have the same key, so that a value is found by its operands.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -15,16 +16,18 @@ from tensegrity_codegen.codegen.print.instructions import Instruction, read_inst
 from tensegrity_codegen.codegen.print.lane_printer import PrintedLanes, print_lanes
 from tensegrity_codegen.codegen.print.printer import (
     Annotations,
+    PrintedBody,
     name_local,
     plain_comment,
     print_body,
     print_columns,
+    print_numbers,
 )
 from tensegrity_codegen.codegen.print.render import render
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.build import build_model
-from tensegrity_codegen.symbolic.model import SymbolicModel
+from tensegrity_codegen.symbolic.model import ModelArgument, SymbolicModel
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.precision import Precision
 from tensegrity_codegen.tables.quantities import OF_COLUMNS
@@ -32,6 +35,7 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 # Quantities of members whose values get names in straight-line code, and the prefixes of these names.
 MEMBER_PREFIXES = {"member_length": "length", "member_tension": "tension", "force_density": "force_density"}
+ANCHORS = "anchor_position"
 COMMUTATIVE = frozenset({ca.OP_ADD, ca.OP_MUL})
 
 
@@ -41,7 +45,7 @@ class NamedValues:
     def __init__(self, model: SymbolicModel) -> None:
         self.model = model
         self._keys: dict[tuple[object, ...], int] = {}
-        self._named: dict[int, tuple[str, str]] = {}  # key -> name, heading
+        self._named: dict[int, tuple[str, str, str, int]] = {}  # key -> name, heading, prefix, member
         names = list(model.arguments)
         symbols = [argument.symbol for argument in model.arguments.values()]
         axes = tuple("xyz"[axis] for axis in model.frame.axes)
@@ -72,9 +76,12 @@ class NamedValues:
             if key in self._named and self._named[key][0] not in used_names
         }
         return Annotations(
-            name={k: name for k, (name, _) in named.items()},
-            heading={k: heading for k, (_, heading) in named.items()},
+            name={k: name for k, (name, _, _, _) in named.items()},
+            heading={k: heading for k, (_, heading, _, _) in named.items()},
             entry=self.find_entries(function),
+            prefix={k: prefix for k, (_, _, prefix, _) in named.items()},
+            numbers=self._list_numbers(),
+            member={k: member for k, (_, _, _, member) in named.items()},
         )
 
     def find_entries(self, function: PrunedFunction) -> dict[int, str]:
@@ -118,7 +125,19 @@ class NamedValues:
             rings = frame.ring_nodes[member] if frame.ring_nodes else ()
             passed = [frame.node_name[node] for node in (start, *rings, end)]
             heading = plain_comment(f"{name}: {' to '.join(passed)}")
-        self._named.setdefault(key, (name_local(prefixes[component], name, member), heading))
+        prefix = prefixes[component]
+        self._named.setdefault(key, (name_local(prefix, name, member), heading, prefix, member))
+
+    def _list_numbers(self) -> dict[str, list[float]]:
+        """Return properties of members that stand as numbers in expressions."""
+        structure = self.model.subject
+        if not isinstance(structure, Structure):
+            return {}
+        return {
+            "spring_constant": structure.mu.tolist(),
+            "rest_length": structure.rest_length.tolist(),
+            "damping": structure.damping.tolist(),
+        }
 
     def _find_keys(self, instructions: Sequence[Instruction], names: Sequence[str]) -> list[int]:
         """Return one number for each instruction, the same for the same operations on the same arguments."""
@@ -174,20 +193,73 @@ def check_length(model: SymbolicModel, functions: tuple[PrunedFunction, ...]) ->
 def _write(model: SymbolicModel, functions: tuple[PrunedFunction, ...], precision: Precision) -> Bodies:
     """Return the statements of all functions; FormulationError if they would take too long to compile."""
     check_length(model, functions)
-    landmarks = NamedValues(model)
-    statements = {}
+    landmarks, opened = NamedValues(model), _open_anchors(model)
+    landmarks_opened = None if opened is None else NamedValues(opened)
+    statements, n_loops = {}, 0
     for function in functions:
         name, arguments = function.quantity.name, list(function.arguments)
         if function.quantity.over_columns:
             before = function.sparsity.numel() // 2 if function.quantity.follows_state else 0
             printed = print_columns(function.function, arguments, OF_COLUMNS, name, before)
-            statements[name] = printed.lines
         else:
-            annotations = landmarks.annotate(function)
-            body = print_body(function.function, arguments, [name], precision, annotations=annotations)
-            statements[name] = body.lines
+            printed = _print(landmarks, function, precision)
+            if opened is not None and landmarks_opened is not None:
+                with_anchors = _replace_anchors(opened, function)
+                body = with_anchors and _print(
+                    landmarks_opened, with_anchors, precision, opened.arguments[ANCHORS]
+                )
+                printed = body if body and body.n_loops else printed
+        n_loops += printed.n_loops
+        statements[name] = printed.lines
+    preamble = [render("member_row.c", {"real": precision.c_type})] if n_loops else []
     count = len(model.frame.column_name)
-    return Bodies(statements, [render("column_lanes.c", {"count": count})] if count else ())
+    return Bodies(statements, [*preamble, *([render("column_lanes.c", {"count": count})] if count else ())])
+
+
+def _open_anchors(model: SymbolicModel) -> SymbolicModel | None:
+    """Return the model with its anchors as symbols, so that all members have the same operations.
+
+    None where it has no anchors, or where some of them can change.
+    """
+    structure = model.subject
+    if model.formulation != "node_position" or ANCHORS in model.arguments:
+        return None
+    anchored = np.flatnonzero(structure.node_anchored[:, list(structure.axes)].any(axis=1))
+    if not anchored.size:
+        return None
+    parameters = {**model.parts.arguments.parameters, ANCHORS: tuple(anchored.tolist())}
+    return build_model(structure, ModelRequest(("member_length",), parameters=parameters))
+
+
+def _replace_anchors(opened: SymbolicModel, function: PrunedFunction) -> PrunedFunction | None:
+    """Return the function with anchors as symbols, None where it takes more arguments or is not there."""
+    if not is_offered(opened, function.quantity.name):
+        return None
+    expression = ca.project(ca.cse(opened.expression(function.quantity.name)), function.sparsity)
+    names = (*function.arguments, ANCHORS)
+    symbols = [opened.arguments[name].symbol for name in names]
+    if any(ca.depends_on(expression, a.symbol) for name, a in opened.arguments.items() if name not in names):
+        return None
+    made = ca.Function(function.quantity.name, symbols, [expression])
+    return replace(function, function=made, arguments=names)
+
+
+def _print(
+    landmarks: NamedValues,
+    function: PrunedFunction,
+    precision: Precision,
+    anchors: ModelArgument | None = None,
+) -> PrintedBody:
+    """Return the body of a function; anchors: symbols that stand as numbers."""
+    numbers = [] if anchors is None else print_numbers(anchors.nominal, precision)
+
+    def place(array: str, k: int) -> str:
+        number = numbers[k] if numbers and array == ANCHORS else ""
+        return f"({number})" if number.startswith("-") else number or f"{array}[{k}]"
+
+    arguments, annotations = list(function.arguments), landmarks.annotate(function)
+    results = [function.quantity.name]
+    return print_body(function.function, arguments, results, precision, place, annotations, with_loops=True)
 
 
 # Bytes of stack and operations that a body over lanes may have; a longer one evaluates one by one.

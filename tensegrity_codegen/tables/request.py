@@ -152,6 +152,9 @@ class ModelRequest:
                     value, str if name == "options" else Iterable, f"{name}.{key}", "see ModelRequest"
                 )
             object.__setattr__(self, name, MappingProxyType(dict(mapping)))
+        # The name of an emitter that wrote four members at a time: unrolled code has loops over members now.
+        if self.emitter == "lanes":
+            object.__setattr__(self, "emitter", "unrolled")
         check_batch_width(self.batch_width)
         check_interfaces(self.interfaces)
 

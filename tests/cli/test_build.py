@@ -200,8 +200,8 @@ def test_a_batch_width_that_is_no_power_of_two_is_refused(run: Run, two_nodes: P
 def test_auto_says_which_emitter_it_took_and_why(run: Run, prism: Path) -> None:
     for _ in range(2):  # the second time from the cache
         data = run("build", prism, "--emitter", "auto", "--json").data
-        assert data["emitter"] == "lanes"
-        assert "four members at a time" in data["why_emitter"]
+        assert data["emitter"] == "unrolled"
+        assert "12 members" in data["why_emitter"]
     assert run("build", prism, "--emitter", "unrolled", "--json").data["why_emitter"] == "asked for by name"
 
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tensegrity_codegen.codegen import choose_emitter as rule
 from tensegrity_codegen.codegen.choose_emitter import EmitterFacts, choose_emitter, find_facts
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.unrolled import MAX_MEMBERS
@@ -13,7 +12,7 @@ from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.request import ModelRequest
-from tests.runtime.build import cable, make_structure, prism, spring
+from tests.runtime.build import cable, make_structure, spring
 
 AUTO = ModelRequest(("acceleration",), emitter="auto")
 
@@ -37,9 +36,8 @@ def chosen(structure: Subject, request: ModelRequest) -> str:
         (EmitterFacts("bodies", 5000), "unrolled"),
         (EmitterFacts("rigid_bar", 12), "unrolled"),
         (EmitterFacts("node_position", 12), "unrolled"),
-        (EmitterFacts("node_position", 12, has_vectors=True), "lanes"),
-        (EmitterFacts("node_position", 100, has_vectors=True), "lanes"),
-        (EmitterFacts("node_position", 101, has_vectors=True), "table"),
+        (EmitterFacts("node_position", 100), "unrolled"),
+        (EmitterFacts("node_position", 101), "table"),
         (EmitterFacts("node_position", 101, lacking=("cable_margin",)), "unrolled"),
         (EmitterFacts("node_position", 400, lacking=("cable_margin",), most_members=400), "unrolled"),
         (EmitterFacts("node_position", 401, lacking=("cable_margin",), most_members=400), "table"),
@@ -54,26 +52,6 @@ def test_the_reason_names_what_tables_do_not_serve() -> None:
     choice = choose_emitter(EmitterFacts("node_position", 200, lacking=("cable_margin", "input_jacobian")))
     assert "cable_margin, input_jacobian" in choice.why
     assert "200 members" in choice.why
-
-
-@pytest.mark.parametrize(
-    ("changes", "name"),
-    [
-        ({}, "lanes"),
-        ({"quantities": ("tangent_stiffness",)}, "lanes"),
-        ({"quantities": ("member_tension", "total_energy")}, "unrolled"),
-        ({"precision": "single"}, "unrolled"),
-        ({"formulation": "rigid_bar"}, "unrolled"),
-    ],
-)
-def test_vectors_are_chosen_where_something_fills_them(changes: dict[str, object], name: str) -> None:
-    assert chosen(prism(), replace(AUTO, **changes)) == name  # type: ignore[arg-type]
-
-
-def test_planar_scenes_and_the_smallest_have_no_vectors() -> None:
-    assert chosen(chain(12), AUTO) == "lanes"
-    assert chosen(chain(12).with_changes(axes=(0, 1)), AUTO) == "unrolled"
-    assert chosen(chain(rule.MIN_VECTOR_MEMBERS - 1), AUTO) == "unrolled"
 
 
 def test_jacobians_to_parameters_and_contacts_need_the_unrolled_emitter() -> None:
@@ -95,7 +73,7 @@ def test_what_only_tables_can_write_and_do_not_serve_is_refused_by_them() -> Non
 
 
 def test_the_manifest_and_the_files_are_those_of_the_emitter_by_name() -> None:
-    for structure, name in ((prism(), "lanes"), (chain(2), "unrolled"), (chain(150), "table")):
+    for structure, name in ((chain(2), "unrolled"), (chain(150), "table")):
         source = emit(structure, AUTO)
         assert source.manifest.emitter == name
         assert source.why_emitter == choose_emitter(find_facts(structure, AUTO)).why

@@ -40,11 +40,6 @@ from tests.comparison import dense
 REFERENCE = FLAG_SETS["reference"].options
 
 
-def everything_in_lanes() -> tuple[Structure, ModelRequest]:
-    structure, request = everything()
-    return structure, replace(request, emitter="lanes")
-
-
 def everything_in_single() -> tuple[Structure, ModelRequest]:
     return in_single_precision(everything)
 
@@ -66,14 +61,11 @@ SUBJECTS = {
     "everything": everything,
     "bare": bare,
     "single": everything_in_single,
-    "lanes": everything_in_lanes,
     "batches": bare_in_batches,
     "tables": everything_in_tables,
 }
 EACH_CPP = ("g++", *thorough("clang++", "zig"))
-each = pytest.mark.parametrize(
-    "subject", ["bare", "batches", *thorough("everything", "single", "lanes", "tables")]
-)
+each = pytest.mark.parametrize("subject", ["bare", "batches", *thorough("everything", "single", "tables")])
 
 
 class Made(dict[str, Any]):

@@ -24,7 +24,6 @@ BLOCK = make_block([0.0, 0.0, 0.1])
     "request_",
     [
         {"formulation": "node_distance"},
-        {"emitter": "lanes"},
         {"solvers": ("equilibrium",)},
         {"integrators": ("rk54",), "keep": ("energy",)},
     ],

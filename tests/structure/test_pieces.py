@@ -62,7 +62,7 @@ def test_frequencies_are_those_of_a_string() -> None:
 
 @pytest.mark.parametrize(
     "model",
-    [{"emitter": "unrolled"}, {"emitter": "lanes"}, {"emitter": "table"}, {"formulation": "node_distance"}],
+    [{"emitter": "unrolled"}, {"emitter": "table"}, {"formulation": "node_distance"}],
     ids=str,
 )
 def test_half_of_the_mass_of_a_cable_is_at_each_end(model: dict[str, str]) -> None:

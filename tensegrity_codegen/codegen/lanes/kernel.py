@@ -16,6 +16,9 @@ from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.laws import MEMBER_VALUES
 from tensegrity_codegen.tables.precision import PRECISIONS
 
+# The columns of a symmetric block: where their rows stand in its upper triangle, row by row.
+COLUMNS = ((0, 1, 2), (1, 3, 4), (2, 4, 5))
+
 Put = Callable[[int, str], str]
 
 # Bars and cables in one pack: a lane whose member holds both ways takes its value whatever it compares.

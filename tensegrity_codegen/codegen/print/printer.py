@@ -8,6 +8,7 @@ Such blocks cost jumps, which a core may foresee wrongly.
     const double length_bar1 = sqrt(x_bar1 * x_bar1 + y_bar1 * y_bar1 + coordinate[8] * coordinate[8]);
 """
 
+import itertools
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity_codegen.codegen.print.instructions import Instruction, read_instructions
+from tensegrity_codegen.codegen.print.member_loops import MemberLoop, find_member_loops
 from tensegrity_codegen.codegen.print.operations import BINARY, Text, as_truth, count_reads, print_text
 from tensegrity_codegen.tables.precision import PRECISIONS, Precision, check_precision
 
@@ -82,25 +84,33 @@ OLDEST = 40
 LONGEST_LINE = 110  # with a comment behind the statement
 
 
+ROW = 8  # values in one call of MEMBERS, see the template member_row.c
+
+
 @dataclass(frozen=True)
 class Annotations:
     """Names and comments for a body.
 
     name: instruction -> name of its value; heading: instruction -> comment before it, which stands once;
-    entry: entry of the result -> comment behind its assignment.
+    entry: entry of the result -> comment behind its assignment; prefix: instruction -> name of such a value
+    of any member; numbers: name of a property -> its number for each member; member: instruction -> member.
     """
 
     name: Mapping[int, str] = field(default_factory=dict)
     heading: Mapping[int, str] = field(default_factory=dict)
     entry: Mapping[int, str] = field(default_factory=dict)
+    prefix: Mapping[int, str] = field(default_factory=dict)
+    numbers: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    member: Mapping[int, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class PrintedBody:
-    """Statements of one function body, and which inputs they read."""
+    """Statements of one function body, which inputs they read, and how many loops over members they have."""
 
     lines: tuple[str, ...]
     reads: frozenset[int]
+    n_loops: int = 0
 
 
 def print_number(value: float, precision: Precision = DOUBLE, where: str = "") -> str:
@@ -129,16 +139,19 @@ def print_body(
     precision: Precision = DOUBLE,
     place: Place = lambda name, k: f"{name}[{k}]",
     annotations: Annotations | None = None,
+    with_loops: bool = False,
 ) -> PrintedBody:
     """Return the C statements that evaluate an SX function.
 
     function: the SX function; inputs, outputs: names of its C arrays, of non-zeros in CasADi's column order,
-    in that precision; place: how entry k of such an array is written; annotations: names and comments.
+    in that precision; place: how entry k of such an array is written; annotations: names and comments;
+    with_loops: whether operations that members share stand in loops, which need the template member_row.c.
     """
     instructions = read_instructions(function)
     where, uses = f"a constant of {function.name()}", _uses(instructions)
     names = annotations or Annotations()
     body = _Body(instructions, inputs, outputs, precision, place, names, where, uses)
+    body.loops = () if not with_loops else find_member_loops(instructions, uses, names.member, names.prefix)
     body.guards = find_guards(instructions)
     return body.print()
 
@@ -185,6 +198,35 @@ def _uses(instructions: Sequence[Instruction]) -> list[tuple[int, ...]]:
     return [tuple(readers) for readers in found]
 
 
+class _UniqueNames:
+    """Names of arrays in one function."""
+
+    def __init__(self, taken: set[str]) -> None:
+        self.taken = taken
+
+    def choose(self, name: str) -> str:
+        """Return the name, with a number behind it where it is taken."""
+        choices = (name if k == 1 else f"{name}_{k}" for k in itertools.count(1))
+        unique = next(choice for choice in choices if choice not in self.taken)
+        self.taken.add(unique)
+        return unique
+
+
+def _find_property(
+    column: Sequence[float], members: Sequence[int | None], numbers: Mapping[str, Sequence[float]]
+) -> str:
+    """Return the name of the property that has these numbers for these members, "" for none."""
+    for name, values in numbers.items():
+        if None not in members and tuple(values[m] for m in members if m is not None) == tuple(column):
+            return name
+    return ""
+
+
+# Numbers of members in loops that are no property, by the operation that takes them: length beyond which a
+# cable is taut; offset of the square of its length; whether a member pushes too.
+NUMBER_NAMES = {ca.OP_LT: "limit", ca.OP_ADD: "offset", ca.OP_OR: "is_bar"}
+
+
 @dataclass
 class _Body:
     instructions: Sequence[Instruction]
@@ -205,9 +247,22 @@ class _Body:
     value: dict[int, Text] = field(default_factory=dict)
     reads: set[int] = field(default_factory=set)
     headings: set[str] = field(default_factory=set)
+    loops: Sequence[MemberLoop] = ()
+    looped: set[int] = field(default_factory=set)  # operations within loops, and those evaluated before these
 
     def print(self) -> PrintedBody:
         for k, instruction in enumerate(self.instructions):
+            if instruction.operation == ca.OP_CONST:
+                number = print_number(instruction.value, self.precision, self.where)
+                self.value[k] = Text(f"({number})" if number.startswith("-") else number)
+            elif instruction.operation == ca.OP_INPUT:
+                self.reads.add(instruction.place[0])
+                self.value[k] = Text(self.place(self.inputs[instruction.place[0]], instruction.place[1]))
+        if self.loops:
+            self._put_loops()
+        for k, instruction in enumerate(self.instructions):
+            if k in self.looped or instruction.operation in (ca.OP_CONST, ca.OP_INPUT):
+                continue
             if self._is_chosen(k) and instruction.operands[1] not in self.value:
                 self._put_block(self.guards[instruction.operands[1]])
             if k in self.guards:
@@ -217,12 +272,6 @@ class _Body:
                     self._keep(operand)  # computed once, before the loop
             if instruction.operation == ca.OP_OUTPUT and self.linear and instruction.place[1] >= self.before:
                 self._put_columns(*instruction.place, instruction.operands[0])
-            elif instruction.operation == ca.OP_CONST:
-                number = print_number(instruction.value, self.precision, self.where)
-                self.value[k] = Text(f"({number})" if number.startswith("-") else number)
-            elif instruction.operation == ca.OP_INPUT:
-                self.reads.add(instruction.place[0])
-                self.value[k] = Text(self.place(self.inputs[instruction.place[0]], instruction.place[1]))
             elif instruction.operation == ca.OP_OUTPUT:
                 result, entry = instruction.place
                 comment = self.annotations.entry.get(entry, "") if result == 0 else ""
@@ -233,7 +282,120 @@ class _Body:
                 self.lines.append(f"{text} /* {comment} */" if fits else text)
             else:
                 self._evaluate(k)
-        return PrintedBody(tuple(self.lines), frozenset(self.reads))
+        return PrintedBody(tuple(self.lines), frozenset(self.reads), len(self.loops))
+
+    def _put_loops(self) -> None:
+        """Print the loops over members, behind all that they take from outside."""
+        inside = {k for loop in self.loops for step in loop.steps for k in step if k is not None}
+        values = {k for loop in self.loops for member in loop.values for k in member}
+        before, waiting = set[int](), list(values)
+        while waiting:
+            k = waiting.pop()
+            if k not in before and self.instructions[k].is_operation:
+                before.add(k)
+                waiting += self.instructions[k].operands
+        self.looped = inside | before
+        self.guards = {
+            k: condition
+            for k, condition in self.guards.items()
+            if not self.looped.intersection((k, condition))
+        }
+        for k in sorted(before):
+            if k in values and before.isdisjoint(self.uses[k]):
+                self.value[k] = self._express(self.instructions[k])
+            else:
+                self._evaluate(k)
+        names = _UniqueNames({*self.inputs, *self.outputs})
+        for loop in self.loops:
+            self._put_loop(loop, names)
+
+    def _put_loop(self, loop: MemberLoop, names: "_UniqueNames") -> None:
+        """Print one loop: values and numbers of the members as arrays, then the operations of one member."""
+        count, notes, c_type = len(loop.members), self.annotations, self.precision.c_type
+        members = [notes.member.get(k) for k in loop.members]
+        headings = [notes.heading[k] for k in loop.members if k in notes.heading]
+        if headings:
+            self.lines.append(f"/* {', '.join(headings)} */")
+        value_names = [names.choose(notes.prefix.get(k, "value")) for k in loop.values[0]]
+        zero = print_number(0.0, self.precision)
+        for slot, name in enumerate(value_names):
+            texts = [self.value[row[slot]].text for row in loop.values] + [zero] * (-count % ROW)
+            rows = [f"MEMBERS({', '.join(texts[m : m + ROW])})" for m in range(0, count, ROW)]
+            self.lines += [
+                f"const member_row {name}_row[] = {{{', '.join(rows)}}};",
+                f"const {c_type} *const {name} = (const {c_type} *){name}_row;",
+            ]
+        for m, row in enumerate(loop.values):
+            for name, k in zip(value_names, row, strict=True):
+                if self.value[k].operations:
+                    self.value[k] = Text(f"{name}[{m}]")
+        sources = [Instruction(ca.OP_INPUT, place=(slot, 0)) for slot in range(len(value_names))]
+        arrays = list(value_names)
+        constants: list[Instruction] = []
+        named: dict[tuple[float, ...], int] = {}
+        for column, operation in zip(zip(*loop.numbers, strict=True), loop.number_operations, strict=True):
+            if len(set(column)) == 1:
+                constants.append(Instruction(ca.OP_CONST, value=column[0]))
+                continue
+            if column not in named:
+                name = _find_property(column, members, notes.numbers) or NUMBER_NAMES.get(operation, "number")
+                name = names.choose(name)
+                text = ", ".join(print_number(number, self.precision, self.where) for number in column)
+                self.lines.append(f"static const {c_type} {name}[{count}] = {{{text}}};")
+                named[column] = len(arrays)
+                arrays.append(name)
+            constants.append(Instruction(ca.OP_INPUT, place=(named[column], 0)))
+        self._put_steps(loop, names, [*sources, *constants], arrays)
+
+    def _put_steps(
+        self, loop: MemberLoop, names: "_UniqueNames", sources: Sequence[Instruction], arrays: Sequence[str]
+    ) -> None:
+        """Print the operations of one member as the body of a loop."""
+        offset, prefix = len(sources), self.annotations.prefix
+        start = {"value": 0, "number": len(loop.values[0]), "operation": offset}
+        prefixes = [
+            next((prefix[k] for k in step if k is not None and k in prefix), "") for step in loop.steps
+        ]
+        results = []
+        for step in loop.results:
+            operation, references = loop.body[step]
+            texts = {"operation": prefixes, "value": arrays}
+            factors = {texts[kind][k] if kind in texts else "" for kind, k in references}
+            name = prefixes[step] or f"{self.outputs[0]}_term"
+            if operation == ca.OP_MUL and "force_density" in factors and len(factors) == 2:
+                name = f"pull_{(factors - {'force_density'}).pop()}"
+            results.append(names.choose(name))
+        instructions = [
+            *sources,
+            *(
+                Instruction(operation, tuple(start[kind] + k for kind, k in references))
+                for operation, references in loop.body
+            ),
+            *(
+                Instruction(ca.OP_OUTPUT, (offset + step,), (place, 0))
+                for place, step in enumerate(loop.results)
+            ),
+        ]
+        notes = Annotations({offset + k: f"{prefix}_e" for k, prefix in enumerate(prefixes) if prefix})
+        body = _Body(
+            instructions,
+            arrays,
+            results,
+            self.precision,
+            lambda name, k: f"{name}[e]",
+            notes,
+            self.where,
+            _uses(instructions),
+        )
+        count = len(loop.members)
+        declared = ", ".join(f"{name}[{count}]" for name in results)
+        self.lines.append(f"{self.precision.c_type} {declared};")
+        lines = body.print().lines
+        self.lines += [f"for (int e = 0; e < {count}; ++e) {{", *(f"  {line}" for line in lines), "}"]
+        for name, step in zip(results, loop.results, strict=True):
+            for m, k in enumerate(loop.steps[step]):
+                if k is not None:
+                    self.value[k] = Text(f"{name}[{m}]")
 
     def _evaluate(self, k: int) -> None:
         instruction, chosen = self.instructions[k], self._is_chosen(k)

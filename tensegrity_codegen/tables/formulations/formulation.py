@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-ALL_EMITTERS = ("unrolled", "lanes", "table")
+ALL_EMITTERS = ("unrolled", "table")
 
 
 @dataclass(frozen=True)

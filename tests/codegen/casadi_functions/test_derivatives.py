@@ -36,9 +36,9 @@ def in_tables() -> tuple[Structure, ModelRequest]:
     return structure, request.wanting(*(name for name in (*WANTED, *MATRICES) if name in offered))
 
 
-def in_lanes() -> tuple[Structure, ModelRequest]:
+def in_space() -> tuple[Structure, ModelRequest]:
     structure, request = everything()
-    return structure, replace(request.wanting(*WANTED, *MATRICES), emitter="lanes")
+    return structure, request.wanting(*WANTED, *MATRICES)
 
 
 def of_bodies() -> tuple[Any, ModelRequest]:
@@ -56,7 +56,7 @@ def on_ground() -> tuple[Structure, ModelRequest]:
 
 
 SUBJECTS = {
-    "lanes": in_lanes,
+    "space": in_space,
     "table": in_tables,
     "bodies": of_bodies,
     "plane": in_plane,
@@ -82,7 +82,7 @@ class Pair:
         return [ca.DM((value + 0.01 * random.uniform(0.5, 1.0, value.shape)).T) for value in nominal]
 
 
-@pytest.fixture(scope="module", params=["plane", "ground", *thorough("bodies", "table", "lanes")])
+@pytest.fixture(scope="module", params=["plane", "ground", *thorough("bodies", "table", "space")])
 def pair(request: pytest.FixtureRequest) -> Pair:
     structure, wanted = SUBJECTS[request.param]()
     wanted = replace(wanted, interfaces=("casadi_hessian",), integrators=())
@@ -259,7 +259,7 @@ def test_a_function_of_no_argument_has_no_derivative() -> None:
 Make = Callable[[], tuple[Any, ModelRequest]]
 
 
-@pytest.mark.parametrize("make", [in_plane, *thorough(in_lanes, in_tables)], ids=["plane", "lanes", "table"])
+@pytest.mark.parametrize("make", [in_plane, *thorough(in_space, in_tables)], ids=["plane", "space", "table"])
 def test_the_other_functions_keep_their_text(make: Make) -> None:
     structure, request = make()
     without = emit(structure, request).files[f"{structure.name}.c"]

@@ -156,7 +156,7 @@ def test_rigid_bars_have_zeros_and_all_emitters_give_the_same_bits() -> None:
     rigid = structure.with_changes(spring_constant=np.where(structure.is_bar, 0.0, structure.spring_constant))
     for subject, formulation, emitters in (
         (rigid, "rigid_bar", ("unrolled", "table")),
-        (structure, "node_position", ("unrolled", "table", "lanes")),
+        (structure, "node_position", ("unrolled", "table")),
     ):
         wanted = ModelRequest(NEW, formulation=formulation)
         models = [build_library(subject, replace(wanted, emitter=name)).load() for name in emitters]

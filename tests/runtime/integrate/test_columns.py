@@ -249,7 +249,6 @@ def test_directions_are_sums_of_columns(count: int) -> None:
         {"integrators": ("rodas",)},
         {"integrators": ("radau",)},
         {"emitter": "table"},
-        {"emitter": "lanes"},
         {"batch_width": 8},
         {"keep": ("energy",)},
         {"precision": "single"},

@@ -349,7 +349,6 @@ def test_derivatives_of_a_motion_pass_through_slip(swing: CompiledModel) -> None
     ("request_of", "word"),
     [
         ({"emitter": "table"}, "friction at rings is not supported here: emitter 'table'"),
-        ({"emitter": "lanes"}, "emitter 'lanes'"),
         ({"keep": ("energy",)}, "energy that is kept"),
         ({"solvers": ("equilibrium",)}, "solvers in C"),
         ({"formulation": "node_distance"}, "formulation 'node_distance'"),

@@ -190,9 +190,7 @@ def test_ring_on_the_end_of_its_cable_is_refused_unless_it_is_slack() -> None:
         make_structure(document)
 
 
-@pytest.mark.parametrize(
-    "model", [{"formulation": "node_distance"}, {"emitter": "table"}, {"emitter": "lanes"}]
-)
+@pytest.mark.parametrize("model", [{"formulation": "node_distance"}, {"emitter": "table"}])
 def test_what_does_not_know_rings_says_so(model: dict[str, Any]) -> None:
     with pytest.raises(FormulationError, match="cables through rings are not supported here"):
         compile_scene(hang_ring() | {"model": model})

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity_codegen.codegen.lanes.emitter import COLUMNS
-from tensegrity_codegen.codegen.lanes.kernel import AXES, RATES, DensityKernel, KernelKind
+from tensegrity_codegen.codegen.lanes.kernel import AXES, COLUMNS, RATES, DensityKernel, KernelKind
 from tensegrity_codegen.codegen.table.members.access import AddToNodes, MemberAccess, Sink
 from tensegrity_codegen.codegen.table.members.block_pattern import AddBlocks
 from tensegrity_codegen.codegen.table.members.model import TableModel
