@@ -1,4 +1,4 @@
-"""The part of one member of a class, as a small function of its ends and its values.
+"""The part of one member of a class, as a small function of its vector and its values.
 
 The expressions are those of `Member`, over symbols of one member; loops over tables call them once a member.
 Constants of a member are symbols here as well, except where they are zero for the whole class, so that every
@@ -14,14 +14,14 @@ import casadi as ca
 
 from tensegrity_codegen.structure.assembly import ABSENT, MemberClass
 from tensegrity_codegen.structure.member_laws import SECTION_VALUES
-from tensegrity_codegen.symbolic.geometry import Scalar, member_vector
+from tensegrity_codegen.symbolic.geometry import Scalar
 from tensegrity_codegen.symbolic.members.member import Member, MemberBlocks
 from tensegrity_codegen.symbolic.model import count_operations
 from tensegrity_codegen.tables.laws import MEMBER_VALUES
 from tensegrity_codegen.tables.quantities.members import MEMBER_QUANTITIES
 
-# The symbols of a kernel: four vectors over the modelled axes, and the values of the law.
-VECTORS = ("start", "end", "start_rate", "end_rate")
+# The symbols of a kernel: d_e and its rate over the modelled axes, and the values of the law.
+VECTORS = ("vector", "vector_rate")
 VALUES = ("mu", *MEMBER_VALUES, *SECTION_VALUES)
 
 
@@ -40,16 +40,11 @@ class MemberKernel:
         return count_operations(self.function)
 
 
-def _upper(block: MemberBlocks) -> list[Scalar]:
-    size = range(len(block.entries))
-    return [block.entries[r][c] for r in size for c in size if r <= c]
+def _columns(block: MemberBlocks) -> list[Scalar]:
+    return [value for column in zip(*block.entries, strict=True) for value in column]
 
 
-def _rows(block: MemberBlocks) -> list[Scalar]:
-    return [value for row in block.entries for value in row]
-
-
-# Results of kernels, by name. A symmetric block is its upper triangle, row by row.
+# Results of kernels, by name. A block is its columns.
 KERNELS: dict[str, Callable[[Member], list[Scalar]]] = {
     **{quantity.kernel: quantity.entries for quantity in MEMBER_QUANTITIES},
     "margin": lambda m: [m.law.margin()],
@@ -59,11 +54,11 @@ KERNELS: dict[str, Callable[[Member], list[Scalar]]] = {
     "static_pull": lambda m: m.pull(m.static_density),
     "energy": lambda m: [m.law.energy()],
     "direction": lambda m: m.direction(),
-    "material_block": lambda m: _upper(m.material_block()),
-    "geometric_block": lambda m: _upper(m.geometric_block()),
-    "tangent_block": lambda m: _upper(m.tangent_block()),
-    "rate_block": lambda m: _upper(m.rate_block()),
-    "position_block": lambda m: _rows(m.position_block()) if m.is_damped else _upper(m.position_block()),
+    "material_block": lambda m: _columns(m.material_block()),
+    "geometric_block": lambda m: _columns(m.geometric_block()),
+    "tangent_block": lambda m: _columns(m.tangent_block()),
+    "rate_block": lambda m: _columns(m.rate_block()),
+    "position_block": lambda m: _columns(m.position_block()),
     "rest_pull": lambda m: m.rest_pull(),
     "static_rest_pull": lambda m: m.static_rest_pull(),
     "tension_gradient": lambda m: m.tension_gradient(),
@@ -86,11 +81,10 @@ def build_member_kernel(name: str, member_class: MemberClass, n_axes: int) -> Me
 
 
 def _member(symbols: dict[str, Any], member_class: MemberClass, is_unfolded: bool) -> Member:
-    start, end, start_rate, end_rate = (ca.vertsplit(symbols[name]) for name in VECTORS)
     zero = ca.SX(0.0)
     values = {name: symbols[name] if member_class.source(name) != ABSENT else zero for name in MEMBER_VALUES}
     if member_class.is_stiffness_constant and not is_unfolded:
         values |= {"spring_constant": symbols["mu"], "axial_stiffness": zero}
-    vectors = (member_vector(start, end), member_vector(start_rate, end_rate))
+    vector, vector_rate = (ca.vertsplit(symbols[name]) for name in VECTORS)
     section = {name: symbols[name] for name in SECTION_VALUES}
-    return Member(*vectors, values, member_class.tension_only, section)
+    return Member(vector, vector_rate, values, member_class.tension_only, section)

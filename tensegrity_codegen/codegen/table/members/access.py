@@ -7,9 +7,9 @@ from typing import Protocol
 import numpy as np
 
 from tensegrity_codegen.codegen.table.members.model import TableModel
-from tensegrity_codegen.codegen.table.members.writer import Writer, index_text, only_where
+from tensegrity_codegen.codegen.table.members.writer import Writer, in_axes, only_where
 from tensegrity_codegen.structure.assembly import ARGUMENT, MemberGroup
-from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel
+from tensegrity_codegen.symbolic.members.member_kernel import VECTORS, MemberKernel
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
 
@@ -35,10 +35,10 @@ class MemberAccess:
         """Return the names of the arguments that these members' kernel reads."""
         cls, used = self.group.member_class, set()
         for name in kernel.inputs:
-            if name in ("start", "end"):
+            if name == "vector":
                 used |= {"coordinate"} if (self.place >= 0).any() else set()
                 used |= held_arguments(self.model, self.place)
-            elif name in ("start_rate", "end_rate"):
+            elif name == "vector_rate":
                 used |= {"velocity"} if (self.place >= 0).any() else set()
             elif name != "mu":
                 used |= {name} if cls.source(name) == ARGUMENT else set()
@@ -56,14 +56,15 @@ class MemberAccess:
         """Return the C expressions of all scalars that the kernel takes."""
         texts: list[str] = []
         for name in kernel.inputs:
-            if name in ("start", "end", "start_rate", "end_rate"):
-                texts += self._vector(writer, name)
+            if name in VECTORS:
+                start, end = (self._of_end(writer, end, is_rate=name == "vector_rate") for end in (0, 1))
+                texts += [f"{x} - {y}" for x, y in zip(start, end, strict=True)]
             else:
-                texts.append(self.value(writer, name))
+                texts.append(self._value(writer, name))
         return texts
 
-    def _vector(self, writer: Writer, name: str) -> list[str]:
-        end, is_rate, axes = int(name.startswith("end")), name.endswith("rate"), range(self.model.n_axes)
+    def _of_end(self, writer: Writer, end: int, is_rate: bool) -> list[str]:
+        axes = range(self.model.n_axes)
         array = "velocity" if is_rate else "coordinate"
         if self.group.is_interior:
             return [f"{array}[{'ij'[end]}{f' + {k}' if k else ''}]" for k in axes]
@@ -75,28 +76,28 @@ class MemberAccess:
             texts.append(f"{array}[{at}]" if is_free else f"{position_reader(writer, is_rate)}{at})")
         return texts
 
-    def value(self, writer: Writer, name: str, counter: str = "e") -> str:
-        """Return the C expression of a scalar of the member that `counter` counts."""
+    def _value(self, writer: Writer, name: str) -> str:
+        """Return the C expression of a scalar of the member."""
         table = f"{self.name}_{name}"
         if name != "mu" and self.group.member_class.source(name) == ARGUMENT:
             index = self.model.argument_index(name)[self.member]
-            text = f"{name}[{writer.index_at(f'{table}_at', index, counter)}]"
+            text = f"{name}[{writer.index_at(f'{table}_at', index, 'e')}]"
         else:
-            text = writer.real_at(table, self.constant(name), counter)
-        return text + self._changes(writer, counter) if name == "rest_length" else text
+            text = writer.real_at(table, self._constant(name), "e")
+        return text + self._changes(writer) if name == "rest_length" else text
 
-    def constant(self, name: str) -> FloatArray:
+    def _constant(self, name: str) -> FloatArray:
         """Return the scene's own values of the members, "mu" from both stiffnesses."""
         structure = self.model.structure
         values: FloatArray = structure.mu if name == "mu" else structure.member_value(name)
         return values[self.member]
 
-    def _changes(self, writer: Writer, counter: str) -> str:
+    def _changes(self, writer: Writer) -> str:
         """Return the terms that inputs add to a rest length, in the order of the inputs."""
         texts = []
         for column, gain in self.inputs:
-            text = f"input[{writer.index_at(f'{self.name}_input', column, counter)}]"
-            texts.append(" + " + writer.scaled(f"{self.name}_gain", gain, counter, text))
+            text = f"input[{writer.index_at(f'{self.name}_input', column, 'e')}]"
+            texts.append(" + " + writer.scaled(f"{self.name}_gain", gain, "e", text))
         return "".join(texts)
 
     @property
@@ -200,8 +201,8 @@ class AddToNodes:
         if (entry[:, end] < 0).all():
             return []
         if (entry[:, end] >= 0).all() and (entry[:, end] == entry[:, end, :1] + axes).all():
-            start = self._offset(writer, access, entry, end)
-            return [f"{self.target}[{start}{f' + {k}' if k else ''}] {sign}= {results[k]};" for k in axes]
+            start = writer.listed_at(f"{access.name}_{self.target}_{'ij'[end]}", entry[:, end, 0], "e")
+            return in_axes(f"{self.target}[{start}", f"{sign}= ", results)
         if np.array_equal(np.maximum(access.place, -1), entry):
             entry = access.place
         name = "place" if entry is access.place else self.target
@@ -211,13 +212,6 @@ class AddToNodes:
             at = f"{table}[{entry[0].size} * e + {end * len(axes) + k}]"
             lines += only_where(entry[:, end, k], at, f"{self.target}[{at}] {sign}= {results[k]};")
         return lines
-
-    def _offset(self, writer: Writer, access: MemberAccess, entry: IntArray, end: int) -> str:
-        if access.group.is_interior and np.array_equal(entry[:, end, 0], access.place[:, end, 0]):
-            return "ij"[end]
-        offsets = entry[:, end, 0]
-        text = index_text(offsets, "e")
-        return text or writer.index_at(f"{access.name}_{self.target}_{'ij'[end]}", offsets, "e")
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ are pairs.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Protocol
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.table.members.access import MemberAccess, OfFreeMembers
 from tensegrity_codegen.codegen.table.members.model import TableModel
-from tensegrity_codegen.codegen.table.members.writer import Recipe, Stage, Writer, only_where
+from tensegrity_codegen.codegen.table.members.writer import Recipe, Stage, Writer, in_axes, only_where
 from tensegrity_codegen.structure.symmetric_factor import factorise
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
@@ -227,16 +227,13 @@ class BlockPattern(ColumnPattern):
 # Adding the blocks of members straight into the values of a sparse matrix.
 
 
-Place = Callable[[int, int, int], str]  # from block, row and column to the C expression of an entry
-
-
 @dataclass(frozen=True)
 class AddBlocks(OfFreeMembers):
-    """Adds [S -S; -S S] of each member; S comes as rows, or as its upper triangle if it is symmetric.
+    """Adds [S -S; -S S] of each member; S comes as its columns.
 
     target: C name of the values; pattern: where blocks land; before: another pattern whose columns come
     first, each column of this one then begins with the entry of an identity; size: C name of a variable
-    that takes the sizes of all entries of S, if any.
+    that takes the sizes of all entries of S, which is then symmetric, if any.
     """
 
     target: str
@@ -251,20 +248,37 @@ class AddBlocks(OfFreeMembers):
     def statements(self, writer: Writer, access: MemberAccess, results: list[str]) -> list[str]:
         """Return the additions: the columns of node i, then those of node j."""
         size = range(self.pattern.model.n_axes)
-        value = _full(results, len(size))
-        make = self._strided if access.group.is_interior else self._listed
-        lines, at, entries = make(writer, access)
+        signs = ("+= ", "= -" if self.writes_first(access) else "-= ")
+        lines = list[str]()
         if self.size:
-            lines.append(f"{self.size} += {' + '.join(writer.size_of(result) for result in results)};")
-        signs = ("+=", "= -" if self.writes_first(access) else "-=")
+            upper = [results[len(size) * c + r] for c in size for r in size if r <= c]
+            lines.append(f"{self.size} += {' + '.join(writer.size_of(result) for result in upper)};")
+        if access.group.is_interior:
+            starts, lengths = self.starts(writer, access)
+            lines = [
+                *(f"const int b{block} = {text};" for block, text in enumerate(starts)),
+                *(f"const int c{end} = {text};" for end, text in enumerate(lengths)),
+                *lines,
+            ]
+            for block in range(4):
+                for c in size:
+                    at = f"b{block}{_times(c, f'c{block // 2}')}"
+                    column = results[len(size) * c : len(size) * (c + 1)]
+                    lines += in_axes(f"{self.target}[{at}", signs[block % 2], column)
+            return lines
+        coordinate, count = self.pattern.model.coordinate, len(size)
+        blocks = [
+            self.entry(coordinate[row][:, None, :], coordinate[column][:, :, None])
+            for row, column in self.pattern.block_nodes(access.member)
+        ]
+        entries = np.stack(blocks, axis=1)
+        table = writer.integers(f"{access.name}_{self.target}_entry", entries)
         for block in range(4):
             for c in size:
                 for r in size:
-                    entry_text = at(block, r, c)
-                    line = f"{self.target}[{entry_text}] {signs[block % 2]} {value[r][c]};"
-                    lines += (
-                        [line] if entries is None else only_where(entries[:, block, c, r], entry_text, line)
-                    )
+                    at = f"{table}[{4 * count * count} * e + {(block * count + c) * count + r}]"
+                    line = f"{self.target}[{at}] {signs[block % 2]}{results[count * c + r]};"
+                    lines += only_where(entries[:, block, c, r], at, line)
         return lines
 
     def entry(self, row: IntArray, column: IntArray) -> IntArray:
@@ -278,61 +292,26 @@ class AddBlocks(OfFreeMembers):
         """Return whether a loop sets the blocks off the diagonal, which no loop has added to before."""
         return access.group.is_interior and bool(self.pattern.is_first[access.member].all())
 
-    def starts(self, writer: Writer, access: MemberAccess, counter: str) -> tuple[list[str], list[str]]:
+    def starts(self, writer: Writer, access: MemberAccess) -> tuple[list[str], list[str]]:
         """Return C expressions of the first entries of the four blocks, and of the lengths of columns."""
         coordinate, pattern = self.pattern.model.coordinate, self.pattern
         name = f"{access.name}_{self.target}"
         starts = [
-            writer.index_at(
-                f"{name}_block{block}", self.entry(coordinate[row, 0], coordinate[column, 0]), counter
+            writer.listed_at(
+                f"{name}_block{block}", self.entry(coordinate[row, 0], coordinate[column, 0]), "e"
             )
             for block, (row, column) in enumerate(pattern.block_nodes(access.member))
         ]
         length = np.diff(pattern.start) + (self.before is not None)
         columns = [coordinate[pattern.model.ends[access.member, end], 0] for end in (0, 1)]
         lengths = [
-            writer.index_at(f"{name}_length{end}", length[column], counter)
-            for end, column in enumerate(columns)
+            writer.index_at(f"{name}_length{end}", length[column], "e") for end, column in enumerate(columns)
         ]
         return starts, lengths
-
-    def _strided(self, writer: Writer, access: MemberAccess) -> tuple[list[str], Place, None]:
-        """Return declarations of the first entry of each block and of the length of columns."""
-        starts, lengths = self.starts(writer, access, "e")
-        lines = [f"const int b{block} = {text};" for block, text in enumerate(starts)]
-        lines += [f"const int c{end} = {text};" for end, text in enumerate(lengths)]
-        return (
-            lines,
-            lambda block, r, c: f"b{block}{_times(c, f'c{block // 2}')}{f' + {r}' if r else ''}",
-            None,
-        )
-
-    def _listed(self, writer: Writer, access: MemberAccess) -> tuple[list[str], Place, IntArray]:
-        """Return no declaration, a table of all entries, and the entries (n, 4, columns, rows)."""
-        coordinate, size = self.pattern.model.coordinate, self.pattern.model.n_axes
-        blocks = [
-            self.entry(coordinate[row][:, None, :], coordinate[column][:, :, None])
-            for row, column in self.pattern.block_nodes(access.member)
-        ]
-        entries = np.stack(blocks, axis=1)
-        table = writer.integers(f"{access.name}_{self.target}_entry", entries)
-        total = 4 * size * size
-        return [], lambda block, r, c: f"{table}[{total} * e + {(block * size + c) * size + r}]", entries
 
 
 def _times(count: int, name: str) -> str:
     return "" if count == 0 else f" + {name}" if count == 1 else f" + {count} * {name}"
-
-
-def _full(results: list[str], size: int) -> list[list[str]]:
-    """Return the rows of a block whose results are its rows or its upper triangle."""
-    if len(results) == size * size:
-        return [results[size * r : size * (r + 1)] for r in range(size)]
-    upper = {}
-    for name in results:
-        r, c = next((r, c) for r in range(size) for c in range(r, size) if (r, c) not in upper)
-        upper[r, c] = name
-    return [[upper[min(r, c), max(r, c)] for c in range(size)] for r in range(size)]
 
 
 class SparseEntries(Protocol):

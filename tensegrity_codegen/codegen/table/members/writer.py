@@ -8,7 +8,6 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.codegen.lanes.kernel import DensityKernel, KernelKind, build_kernel, emit_kernels
 from tensegrity_codegen.codegen.print.printer import print_body, print_number, print_numbers
 from tensegrity_codegen.codegen.print.render import render
 from tensegrity_codegen.codegen.table.members.model import TableModel
@@ -40,7 +39,6 @@ class Writer:
         self._values: dict[str, tuple[str, Array]] = {}
         self._texts: dict[str, str] = {}
         self._kernels: dict[tuple[str, MemberClass], str] = {}
-        self._densities: dict[KernelKind, DensityKernel] = {}
 
     def number(self, value: float) -> str:
         """Return a number as an operand in C."""
@@ -64,6 +62,13 @@ class Writer:
         text = index_text(values, counter)
         return f"{self.integers(name, values)}[{counter}]" if text is None else text
 
+    def listed_at(self, name: str, values: Array, counter: str) -> str:
+        """Return the same from a list in any case: of entries that a loop adds to, one after the other.
+
+        A compiler that sees them evenly spaced would make vectors that wait for the sums before them.
+        """
+        return f"{self.integers(name, values)}[{counter}]"
+
     def real_at(self, name: str, values: Array, counter: str) -> str:
         """Return the C expression of entry `counter` of some numbers."""
         if np.array_equal(values, np.full_like(values, values[0])) and not np.signbit(values).any():
@@ -86,12 +91,6 @@ class Writer:
         """Return the C name of the kernel of a quantity of nodes."""
         return self._define(f"{kernel.name}_of_node", lambda symbol: self._print(symbol, kernel))
 
-    def density(self, kind: KernelKind) -> DensityKernel:
-        """Return the kernel of the force densities of members of a kind, in lanes."""
-        if kind not in self._densities:
-            self._densities[kind] = build_kernel(kind, f"lanes_density{len(self._densities)}")
-        return self._densities[kind]
-
     def helper(self, name: str, template: str, **context: Any) -> str:
         """Return the C name of a helper function rendered from a template that takes its `symbol`."""
         return self._define(
@@ -101,12 +100,8 @@ class Writer:
     def preamble(self) -> list[str]:
         """Return the lines of all arrays, then of all helpers and kernels."""
         texts = [text.replace("@", name) for text, name in self._texts.items()]
-        text = render("table_preamble.c", {"arrays": list(self._printed_arrays()), "texts": texts})
-        lanes: list[str] = []
-        if self._densities:
-            kernels = list(self._densities.values())
-            lanes = emit_kernels(kernels, in_loops=True)
-        return [*text.splitlines(), *lanes]
+        context = {"arrays": list(self._printed_arrays()), "texts": texts}
+        return render("table_preamble.c", context).splitlines()
 
     def parameters(self, kernel: MemberKernel) -> list[str]:
         """Return the scalar arguments of a kernel, in order."""
@@ -199,22 +194,28 @@ class Stage(Protocol):
         """Return its statements."""
 
 
-def loop(
-    counter: str, count: int, statements: Sequence[str], before: Sequence[str] | None = None
-) -> list[str]:
-    """Return a loop over `count` values of a counter of its own.
-
-    before: statements that deal with the first values and leave the counter behind them.
-    """
+def loop(counter: str, count: int, statements: Sequence[str]) -> list[str]:
+    """Return a loop over `count` values of a counter of its own."""
     return [
         "{",
-        f"  int {counter}{' = 0' if before else ''};",
-        *(f"  {line}" for line in before or ()),
-        f"  for ({'' if before else f'{counter} = 0'}; {counter} < {count}; ++{counter}) {{",
+        f"  int {counter};",
+        f"  for ({counter} = 0; {counter} < {count}; ++{counter}) {{",
         *(f"    {line}" for line in statements),
         "  }",
         "}",
     ]
+
+
+def in_axes(target: str, sign: str, results: Sequence[str]) -> list[str]:
+    """Return the loop over axes that changes entries in a row by results in a row: compilers make vectors.
+
+    target: begins with the first entry, without the bracket behind it.
+    """
+    if len(results) == 1:
+        return [f"{target}] {sign}{results[0]};"]
+    value = f"{results[0].removesuffix(']')} + k]"
+    head = f"for (int k = 0; k < {len(results)}; ++k)"
+    return [f"{head} {{ {target} + k] {sign}{value}; }}"]
 
 
 def only_where(entries: IntArray, text: str, statement: str) -> list[str]:
