@@ -24,7 +24,7 @@ from harness.turns import EXAMPLES
 
 SHIPPED = ("icosahedron", "lin_prism", "planar", "prism", "prism12", "svd_tower", "tower", "two_nodes")
 SHAPES = ("elastic", "rigid", "distances", "planar")
-EMITTERS = ("unrolled", "lanes", "table")
+EMITTERS = ("unrolled", "table")
 METHODS = ("rk853", "rk54", "radau", "rk4", "auto")
 QUANTITIES = ("member_length", "member_tension", "total_energy", "acceleration")
 STATIC = ("node_residual", "tangent_stiffness", "potential_energy")

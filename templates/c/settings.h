@@ -57,10 +57,6 @@
 #define WITH_EACH_LANE 1   /* some functions of batches are called lane by lane */
 #define WITH_EACH_STATE WITH_INTERNAL /* rates of states with internal ones too */
 #define WITH_MEMBERS 1     /* steps of the search for an equilibrium know the members between nodes */
-#ifndef WITH_LOOPS
-#define WITH_LOOPS 1 /* vectors of members are for loops, which have a form without them; else straight-line code */
-#endif
-#define WITH_BLOCKS WITH_LOOPS /* loops add stiffness blocks to a matrix */
 
 #if WITH_FLOAT
 typedef float real;

@@ -81,9 +81,9 @@ def symbolic_functions(
 
     Notes
     -----
-    The expressions are those from which the C functions are generated with the emitters ``unrolled`` and
-    ``lanes``: with reference flags both return the same bits. ``casadi.external`` calls the compiled
-    functions, with derivatives, if the scene has ``interfaces = ["casadi"]``.
+    The expressions are those from which the C functions are generated with the emitter ``unrolled``: with
+    reference flags both return the same bits. ``casadi.external`` calls the compiled functions, with
+    derivatives, if the scene has ``interfaces = ["casadi"]``.
 
     Examples
     --------

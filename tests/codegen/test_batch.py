@@ -247,11 +247,3 @@ def test_the_table_emitter_runs_one_by_one(tmp_path: Path) -> None:
     source = emit(prism(150.0, anchored={0: "xyz"}), wanted)
     assert "one after the other" in source.files["small.h"]
     run_driver(source, tmp_path)
-
-
-@pytest.mark.thorough
-def test_the_lanes_emitter_has_the_same_bits_in_a_batch(tmp_path: Path) -> None:
-    wanted = ModelRequest(("member_tension", "node_force"), emitter="lanes", batch_width=8)
-    source = emit(prism(150.0, anchored={0: "xyz"}), wanted)
-    assert "node_force_lanes" in source.files["small.c"]
-    run_driver(source, tmp_path)

@@ -83,4 +83,4 @@ def test_the_manifest_and_the_files_are_those_of_the_emitter_by_name() -> None:
 
 
 def test_one_member_is_counted_in_the_singular() -> None:
-    assert choose_emitter(find_facts(chain(1), AUTO)).why.startswith("1 member, ")
+    assert choose_emitter(find_facts(chain(1), AUTO)).why.startswith("1 member: ")

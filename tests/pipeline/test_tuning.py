@@ -130,7 +130,7 @@ def test_a_compiler_that_fails_is_a_row_and_where_none_works_its_error_is_raised
     request = ModelRequest(("member_length",), emitter="unrolled")
     tuned = build_tuned(prism(), request, cache=cache)
     assert tuned.rows[0].compiler == "bad_cc"
-    assert "exit 7" in tuned.rows[0].problem
+    assert "exit code 7" in tuned.rows[0].problem
     assert tuned.chosen.compiler != "bad_cc"
     with pytest.raises(CompileError) as caught:
         build_tuned(prism(), request, compiler=str(bad), cache=cache)

@@ -76,7 +76,7 @@ class RequestOptions:
     precision: PrecisionOption = None
     emitter: Annotated[
         str | None,
-        typer.Option("--emitter", help="Emitter, instead of the scene's: auto, unrolled, lanes, table."),
+        typer.Option("--emitter", help="Emitter, instead of the scene's: auto, unrolled, table."),
     ] = None
     batch_width: BatchWidthOption = None
     interface: Annotated[

@@ -249,7 +249,6 @@ METHOD_STYLES: dict[str, MethodStyle] = {
     "rigid_bar corrected": MethodStyle(BROWN, "dotted", "v"),
     "bodies": MethodStyle(VIOLET, "line", "D"),
     "unrolled": MethodStyle(BLUE, "line", "o"),
-    "lanes": MethodStyle(VERMILION, "line", "s"),
     "table": MethodStyle(GREEN, "line", "^"),
     "casadi c": MethodStyle(SLATE, "dashed", "D"),
     "casadi vm": MethodStyle(SLATE, "dotted", "v"),

@@ -6,7 +6,7 @@ import pytest
 
 from tensegrity_codegen.codegen.print.render import LONGEST, wrap_lines
 
-NAMES = ", ".join(f"lanes_pack parameter_{k}" for k in range(12))
+NAMES = ", ".join(f"const parameter_{k}" for k in range(12))
 SUM = " + ".join(f"coordinate[{k}]" for k in range(20))
 
 

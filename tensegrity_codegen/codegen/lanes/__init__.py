@@ -1,1 +1,0 @@
-"""Emitter `lanes`: straight-line C whose forces are worked out for four members at a time in vectors."""
