@@ -27,11 +27,13 @@ fn main() {
 fn constants(header: &str) -> String {
     let mut found = String::from("// Constants of mast.h.\n");
     for line in header.lines() {
-        let words = line.trim().trim_start_matches("enum {").trim();
-        if let Some((name, value)) = words.split_once(" = ") {
-            let digits: String = value.chars().take_while(char::is_ascii_digit).collect();
-            if name.starts_with("MAST_") && !digits.is_empty() {
-                found += &format!("pub const {name}: usize = {digits};\n");
+        for entry in line.split(',') {
+            let words = entry.trim().trim_start_matches("enum {").trim();
+            if let Some((name, value)) = words.split_once(" = ") {
+                let digits: String = value.chars().take_while(char::is_ascii_digit).collect();
+                if name.starts_with("MAST_") && !digits.is_empty() {
+                    found += &format!("pub const {name}: usize = {digits};\n");
+                }
             }
         }
         if let Some((_, table)) = line.split_once("extern MAST_API const char ") {

@@ -37,10 +37,7 @@ enum lin_prism_status {
   LIN_PRISM_NON_FINITE_RESULT = 2,
       /* a result would not be finite, as where the two nodes of a member are at one place */
   LIN_PRISM_INVALID_ARGUMENT = 3, /* a step, a count, an index or a time is out of range */
-  LIN_PRISM_NULL_POINTER = 4, /* a pointer that is needed is NULL */
-  LIN_PRISM_STEP_TOO_SMALL = 5, /* no step that the time can resolve meets the tolerance */
-  LIN_PRISM_UNSUPPORTED_MACHINE = 6, /* this machine lacks instructions that native code needs */
-  LIN_PRISM_TOO_MANY_EVENTS = 7 /* too many events follow each other within a thousandth of a step */
+  LIN_PRISM_NULL_POINTER = 4 /* a pointer that is needed is NULL */
 };
 
 /* Version of this interface, and how many there are of each. A state is all coordinates, then all velocities. */
@@ -50,41 +47,27 @@ enum {
   LIN_PRISM_N_MEMBERS = 6,
   LIN_PRISM_N_AXES = 3,
   LIN_PRISM_N_COORDINATES = 6,
-  LIN_PRISM_N_STATES = 12,
-  LIN_PRISM_N_INPUTS = 0
+  LIN_PRISM_N_STATES = 12
 };
 
 /* Index of each node. */
 enum {
-  LIN_PRISM_NODE_base_A1 = 0,
-  LIN_PRISM_NODE_base_A2 = 1,
-  LIN_PRISM_NODE_base_A3 = 2,
-  LIN_PRISM_NODE_bar1_A = 3,
-  LIN_PRISM_NODE_bar1_B = 4,
-  LIN_PRISM_NODE_bar2_A = 5,
-  LIN_PRISM_NODE_bar2_B = 6,
-  LIN_PRISM_NODE_bar3_A = 7,
-  LIN_PRISM_NODE_bar3_B = 8
+  LIN_PRISM_NODE_base_A1 = 0, LIN_PRISM_NODE_base_A2 = 1, LIN_PRISM_NODE_base_A3 = 2,
+  LIN_PRISM_NODE_bar1_A = 3, LIN_PRISM_NODE_bar1_B = 4, LIN_PRISM_NODE_bar2_A = 5,
+  LIN_PRISM_NODE_bar2_B = 6, LIN_PRISM_NODE_bar3_A = 7, LIN_PRISM_NODE_bar3_B = 8
 };
 
 /* Index of each member. */
 enum {
-  LIN_PRISM_MEMBER_side1 = 0,
-  LIN_PRISM_MEMBER_side2 = 1,
-  LIN_PRISM_MEMBER_side3 = 2,
-  LIN_PRISM_MEMBER_top1 = 3,
-  LIN_PRISM_MEMBER_top2 = 4,
-  LIN_PRISM_MEMBER_top3 = 5
+  LIN_PRISM_MEMBER_side1 = 0, LIN_PRISM_MEMBER_side2 = 1, LIN_PRISM_MEMBER_side3 = 2,
+  LIN_PRISM_MEMBER_top1 = 3, LIN_PRISM_MEMBER_top2 = 4, LIN_PRISM_MEMBER_top3 = 5
 };
 
 /* Index of each coordinate. */
 enum {
-  LIN_PRISM_COORDINATE_bar1_elevation = 0,
-  LIN_PRISM_COORDINATE_bar1_azimuth = 1,
-  LIN_PRISM_COORDINATE_bar2_elevation = 2,
-  LIN_PRISM_COORDINATE_bar2_azimuth = 3,
-  LIN_PRISM_COORDINATE_bar3_elevation = 4,
-  LIN_PRISM_COORDINATE_bar3_azimuth = 5
+  LIN_PRISM_COORDINATE_bar1_elevation = 0, LIN_PRISM_COORDINATE_bar1_azimuth = 1,
+  LIN_PRISM_COORDINATE_bar2_elevation = 2, LIN_PRISM_COORDINATE_bar2_azimuth = 3,
+  LIN_PRISM_COORDINATE_bar3_elevation = 4, LIN_PRISM_COORDINATE_bar3_azimuth = 5
 };
 
 /* What this library is; texts end in a zero byte. */
@@ -115,7 +98,6 @@ LIN_PRISM_API int lin_prism_check_machine(void);
 LIN_PRISM_API const char *lin_prism_missing_instruction_set(int k);
 /* "instruction sets:" and the names of those that the library needs beyond the baseline of its architecture. */
 extern LIN_PRISM_API const char lin_prism_instruction_sets[];
-
 
 /* The scene's own values of the arguments, in the units below. */
 extern LIN_PRISM_API const double lin_prism_nominal_coordinate[6];
@@ -191,7 +173,6 @@ LIN_PRISM_API int lin_prism_integrate_rk4(
     double state[12],
     long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
     long long *n_done, double work[78]);
-
 
 #ifdef __cplusplus
 }

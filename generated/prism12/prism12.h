@@ -35,83 +35,48 @@ enum prism12_status {
   PRISM12_OK = 0, /* the results are there */
   PRISM12_NON_FINITE_INPUT = 1, /* an argument holds a NAN or an infinity */
   PRISM12_NON_FINITE_RESULT = 2, /* a result would not be finite, as where the two nodes of a member are at one place */
-  PRISM12_INVALID_ARGUMENT = 3, /* a step, a count, an index or a time is out of range */
-  PRISM12_NULL_POINTER = 4, /* a pointer that is needed is NULL */
-  PRISM12_STEP_TOO_SMALL = 5, /* no step that the time can resolve meets the tolerance */
-  PRISM12_UNSUPPORTED_MACHINE = 6, /* this machine lacks instructions that native code needs */
-  PRISM12_TOO_MANY_EVENTS = 7 /* too many events follow each other within a thousandth of a step */
+  PRISM12_NULL_POINTER = 4 /* a pointer that is needed is NULL */
 };
 
-/* Version of this interface, and how many there are of each. A state is all coordinates, then all velocities. */
+/* Version of this interface, and how many there are of each. */
 enum {
   PRISM12_ABI_VERSION = 2,
   PRISM12_N_NODES = 6,
   PRISM12_N_MEMBERS = 15,
   PRISM12_N_AXES = 3,
   PRISM12_N_COORDINATES = 18,
-  PRISM12_N_STATES = 36,
   PRISM12_N_INPUTS = 6
 };
 
 /* Index of each node. */
 enum {
-  PRISM12_NODE_b1 = 0,
-  PRISM12_NODE_b2 = 1,
-  PRISM12_NODE_b3 = 2,
-  PRISM12_NODE_t1 = 3,
-  PRISM12_NODE_t2 = 4,
-  PRISM12_NODE_t3 = 5
+  PRISM12_NODE_b1 = 0, PRISM12_NODE_b2 = 1, PRISM12_NODE_b3 = 2, PRISM12_NODE_t1 = 3,
+  PRISM12_NODE_t2 = 4, PRISM12_NODE_t3 = 5
 };
 
 /* Index of each member. */
 enum {
-  PRISM12_MEMBER_bar1 = 0,
-  PRISM12_MEMBER_bar2 = 1,
-  PRISM12_MEMBER_bar3 = 2,
-  PRISM12_MEMBER_bottom1 = 3,
-  PRISM12_MEMBER_bottom2 = 4,
-  PRISM12_MEMBER_bottom3 = 5,
-  PRISM12_MEMBER_top1 = 6,
-  PRISM12_MEMBER_top2 = 7,
-  PRISM12_MEMBER_top3 = 8,
-  PRISM12_MEMBER_vertical1 = 9,
-  PRISM12_MEMBER_vertical2 = 10,
-  PRISM12_MEMBER_vertical3 = 11,
-  PRISM12_MEMBER_opposite1 = 12,
-  PRISM12_MEMBER_opposite2 = 13,
-  PRISM12_MEMBER_opposite3 = 14
+  PRISM12_MEMBER_bar1 = 0, PRISM12_MEMBER_bar2 = 1, PRISM12_MEMBER_bar3 = 2,
+  PRISM12_MEMBER_bottom1 = 3, PRISM12_MEMBER_bottom2 = 4, PRISM12_MEMBER_bottom3 = 5,
+  PRISM12_MEMBER_top1 = 6, PRISM12_MEMBER_top2 = 7, PRISM12_MEMBER_top3 = 8,
+  PRISM12_MEMBER_vertical1 = 9, PRISM12_MEMBER_vertical2 = 10, PRISM12_MEMBER_vertical3 = 11,
+  PRISM12_MEMBER_opposite1 = 12, PRISM12_MEMBER_opposite2 = 13, PRISM12_MEMBER_opposite3 = 14
 };
 
 /* Index of each coordinate. */
 enum {
-  PRISM12_COORDINATE_b1_x = 0,
-  PRISM12_COORDINATE_b1_y = 1,
-  PRISM12_COORDINATE_b1_z = 2,
-  PRISM12_COORDINATE_b2_x = 3,
-  PRISM12_COORDINATE_b2_y = 4,
-  PRISM12_COORDINATE_b2_z = 5,
-  PRISM12_COORDINATE_b3_x = 6,
-  PRISM12_COORDINATE_b3_y = 7,
-  PRISM12_COORDINATE_b3_z = 8,
-  PRISM12_COORDINATE_t1_x = 9,
-  PRISM12_COORDINATE_t1_y = 10,
-  PRISM12_COORDINATE_t1_z = 11,
-  PRISM12_COORDINATE_t2_x = 12,
-  PRISM12_COORDINATE_t2_y = 13,
-  PRISM12_COORDINATE_t2_z = 14,
-  PRISM12_COORDINATE_t3_x = 15,
-  PRISM12_COORDINATE_t3_y = 16,
-  PRISM12_COORDINATE_t3_z = 17
+  PRISM12_COORDINATE_b1_x = 0, PRISM12_COORDINATE_b1_y = 1, PRISM12_COORDINATE_b1_z = 2,
+  PRISM12_COORDINATE_b2_x = 3, PRISM12_COORDINATE_b2_y = 4, PRISM12_COORDINATE_b2_z = 5,
+  PRISM12_COORDINATE_b3_x = 6, PRISM12_COORDINATE_b3_y = 7, PRISM12_COORDINATE_b3_z = 8,
+  PRISM12_COORDINATE_t1_x = 9, PRISM12_COORDINATE_t1_y = 10, PRISM12_COORDINATE_t1_z = 11,
+  PRISM12_COORDINATE_t2_x = 12, PRISM12_COORDINATE_t2_y = 13, PRISM12_COORDINATE_t2_z = 14,
+  PRISM12_COORDINATE_t3_x = 15, PRISM12_COORDINATE_t3_y = 16, PRISM12_COORDINATE_t3_z = 17
 };
 
 /* Index of each input. */
 enum {
-  PRISM12_INPUT_v1 = 0,
-  PRISM12_INPUT_v2 = 1,
-  PRISM12_INPUT_v3 = 2,
-  PRISM12_INPUT_o1 = 3,
-  PRISM12_INPUT_o2 = 4,
-  PRISM12_INPUT_o3 = 5
+  PRISM12_INPUT_v1 = 0, PRISM12_INPUT_v2 = 1, PRISM12_INPUT_v3 = 2, PRISM12_INPUT_o1 = 3,
+  PRISM12_INPUT_o2 = 4, PRISM12_INPUT_o3 = 5
 };
 
 /* What this library is; texts end in a zero byte. */

@@ -76,7 +76,6 @@ static int print_motion(void)
   return status;
 }
 
-
 int main(void)
 {
   int k, status, worst = TWO_NODES_OK;

@@ -38,8 +38,6 @@ enum two_nodes_status {
       /* a result would not be finite, as where the two nodes of a member are at one place */
   TWO_NODES_INVALID_ARGUMENT = 3, /* a step, a count, an index or a time is out of range */
   TWO_NODES_NULL_POINTER = 4, /* a pointer that is needed is NULL */
-  TWO_NODES_STEP_TOO_SMALL = 5, /* no step that the time can resolve meets the tolerance */
-  TWO_NODES_UNSUPPORTED_MACHINE = 6, /* this machine lacks instructions that native code needs */
   TWO_NODES_TOO_MANY_EVENTS = 7 /* too many events follow each other within a thousandth of a step */
 };
 
@@ -50,14 +48,12 @@ enum {
   TWO_NODES_N_MEMBERS = 1,
   TWO_NODES_N_AXES = 3,
   TWO_NODES_N_COORDINATES = 3,
-  TWO_NODES_N_STATES = 6,
-  TWO_NODES_N_INPUTS = 0
+  TWO_NODES_N_STATES = 6
 };
 
 /* Index of each node. */
 enum {
-  TWO_NODES_NODE_n1 = 0,
-  TWO_NODES_NODE_n2 = 1
+  TWO_NODES_NODE_n1 = 0, TWO_NODES_NODE_n2 = 1
 };
 
 /* Index of each member. */
@@ -67,9 +63,7 @@ enum {
 
 /* Index of each coordinate. */
 enum {
-  TWO_NODES_COORDINATE_n2_x = 0,
-  TWO_NODES_COORDINATE_n2_y = 1,
-  TWO_NODES_COORDINATE_n2_z = 2
+  TWO_NODES_COORDINATE_n2_x = 0, TWO_NODES_COORDINATE_n2_y = 1, TWO_NODES_COORDINATE_n2_z = 2
 };
 
 /* What this library is; texts end in a zero byte. */
@@ -152,7 +146,6 @@ TWO_NODES_API int two_nodes_compute_cable_margin(
     const double coordinate[3],
     double cable_margin[1]);
 
-
 /* Kinds of events: a cable that goes slack or taut, two bars that touch or part, a condition of the caller. */
 enum {
   TWO_NODES_EVENT_CABLE = 1,
@@ -224,7 +217,6 @@ TWO_NODES_API int two_nodes_integrate_rk4_run(
     double *time, double state[6],
     long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
     long long *n_done, two_nodes_run *run, double work[92]);
-
 
 #ifdef __cplusplus
 }

@@ -176,7 +176,6 @@ static inline motion_samples motion_samples_of(const batch_call *call, int k)
   return to;
 }
 
-#if WITH_EACH_LANE
 /* A function of one state, which registers do not have, lane by lane; the lanes that have ended get zeros. */
 static inline void motion_each_lane(
     void (*function)(const real *, const real *, const motion_arguments *, real *), const motion_batch *m,
@@ -204,8 +203,6 @@ static inline void motion_each_lane(
   }
 }
 
-#endif
-#if WITH_EACH_STATE
 /* The rates of whole states with internal ones, lane by lane likewise. */
 static inline void motion_each_state(
     void (*function)(const real *, const real *, const motion_arguments *, real *), const motion_batch *m,
@@ -232,5 +229,4 @@ static inline void motion_each_state(
   }
 }
 
-#endif
 #endif

@@ -43,7 +43,6 @@ static inline void profile_set_time(double time, motion_profile *p)
   }
 }
 
-#if WITH_PROFILE_RATE
 /* Rate of the j-th number that changes, on the piece that was used last. */
 static inline double profile_rate(double time, int j, const motion_profile *p)
 {
@@ -57,7 +56,6 @@ static inline double profile_rate(double time, int j, const motion_profile *p)
   return rate;
 }
 
-#endif
 /* Say at which time a step starts. */
 static inline void profile_set_start(double time, motion_profile *p)
 {

@@ -43,7 +43,6 @@
 #endif
 #define WITH_DIRECTION WITH_COLUMNS /* columns are along directions of parameters */
 #define WITH_MARGIN_JUMPS (!WITH_SMOOTH_EVENTS) /* forces jump at margins of cables, with derivatives */
-#define WITH_PROFILE_RATE 1 /* which take the rates of what follows a profile */
 #define WITH_COLUMN_JUMPS 1 /* the derivatives are columns */
 #define WITH_ENERGY (!WITH_FLOAT) /* steps can keep the energy */
 #define WITH_DIAGONAL_MASS 1
@@ -54,8 +53,6 @@
 #define WITH_RADAU_DAMPED (CONFIG_N % 3 == 0) /* the matrix holds cables with much damping */
 #define WITH_CONSTRAINTS 1 /* coordinates are redundant: a projection brings them back */
 #define WITH_VELOCITY 1    /* accelerations depend on velocities */
-#define WITH_EACH_LANE 1   /* some functions of batches are called lane by lane */
-#define WITH_EACH_STATE WITH_INTERNAL /* rates of states with internal ones too */
 #define WITH_MEMBERS 1     /* steps of the search for an equilibrium know the members between nodes */
 
 #if WITH_FLOAT

@@ -10,7 +10,6 @@ identifier; nothing else of a scene gets into it.
 import json
 import math
 import os
-import re
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -25,6 +24,7 @@ from tensegrity_codegen.codegen.compilation.compile import object_size, run_comp
 from tensegrity_codegen.codegen.compilation.flags import Compiler, FlagSet, build_program_command, find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.emit import GeneratedSource
+from tensegrity_codegen.codegen.print.reachable import split_definitions
 from tensegrity_codegen.system.errors import CompileError, describe_reason
 from tensegrity_codegen.system.temporary_files import work_folder
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
@@ -157,56 +157,14 @@ def _run(program: Path) -> Mapping[str, list[float]]:
     return {quantity: values for quantity, values in answer.items() if values}
 
 
-_COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*", re.DOTALL)
-_STRING = re.compile(r'"(?:[^"\\\n]|\\.)*"' + r"|'(?:[^'\\\n]|\\.)*'")
-_LINKAGE = re.compile(r'extern\s*""\s*\{')
-_ATTRIBUTE = re.compile(r"__(?:attribute__|declspec)\s*\(\(?[^()]*(?:\([^()]*\))?[^()]*\)?\)")
-_DEFINE = re.compile(r"#\s*define\s+(\w+)")
-_WORD = re.compile(r"[A-Za-z_]\w*")
-
-
 def find_mentions(sources: Iterable[str]) -> dict[str, frozenset[str]]:
     """Return the words in each function, macro and initialised variable of C sources."""
-    mentions: dict[str, set[str]] = {}
-    for source in sources:
-        text = _LINKAGE.sub("", _STRING.sub('""', _COMMENT.sub(" ", source))).replace("\\\n", " ")
-        code = []
-        for line in text.split("\n"):
-            if line.lstrip().startswith("#"):
-                macro = _DEFINE.match(line.lstrip())
-                if macro is not None:
-                    mentions.setdefault(macro[1], set()).update(_WORD.findall(line)[2:])
-            else:
-                code.append(line)
-        for head, body in _find_blocks("\n".join(code)):
-            name = _name(head)
-            if name:
-                mentions.setdefault(name, set()).update(_WORD.findall(body))
-    return {name: frozenset(words) for name, words in mentions.items()}
-
-
-def _find_blocks(text: str) -> Iterable[tuple[str, str]]:
-    """Return the text before, and within, each pair of outermost braces."""
-    depth = start = opened = 0
-    for at, letter in ((match.start(), match[0]) for match in re.finditer(r"[{};]", text)):
-        if letter == "{":
-            opened = at if depth == 0 else opened
-            depth += 1
-        elif letter == "}":
-            depth = max(0, depth - 1)
-            if depth == 0:
-                yield text[start:opened], text[opened:at]
-                start = at + 1
-        elif depth == 0:
-            start = at + 1
-
-
-def _name(head: str) -> str:
-    """Return the name that a definition with this beginning has; empty for types."""
-    head = _ATTRIBUTE.sub(" ", head)
-    pattern = r"(\w+)\s*(?:\[[^=]*)?=" if "=" in head else r"(\w+)\s*\("
-    definition = re.search(pattern, head)
-    return definition[1] if definition else ""
+    mentions: dict[str, frozenset[str]] = {}
+    for piece in (piece for source in sources for piece in split_definitions(source)):
+        if not piece.text.startswith(("enum", "typedef")):
+            for name in piece.names:
+                mentions[name] = mentions.get(name, frozenset()).union(piece.words) - {name}
+    return mentions
 
 
 def deepest_stack(frames: Mapping[str, int], sources: Iterable[str]) -> dict[str, int]:

@@ -23,6 +23,7 @@ from tensegrity_codegen.codegen.integrators.solvers import solver_context
 from tensegrity_codegen.codegen.integrators.work_memory import count_line
 from tensegrity_codegen.codegen.print.lane_printer import PrintedLanes
 from tensegrity_codegen.codegen.print.printer import print_numbers
+from tensegrity_codegen.codegen.print.reachable import drop_unreached
 from tensegrity_codegen.codegen.print.render import BANNER, render, wrap_lines
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.manifest import (
@@ -123,13 +124,17 @@ def write_sources(
         context["casadi_functions"] = casadi_context(manifest.name, plain, derivatives)
         context["casadi_int"] = "long long int" if with_casadi else "int"
         context["casadi_memory"] = "int mem" if with_casadi else "void *mem"
-    name = manifest.name
+    name, prefix = manifest.name, manifest.name.upper()
+    source = drop_unreached(render("scene.c", context), (f"{prefix}_WITHOUT_NAMES",))
+    returned = set(re.findall(rf"\b{prefix}_(\w+)", source))
+    context["statuses"] = {word: n for word, n in context["statuses"].items() if word.upper() in returned}
+    source += render("status_text.c", context)
     table_files = {f"{name}_tables.c": render("scene_tables.c", context)} if context["tables_apart"] else {}
     header = wrap_lines(render("scene.h", context))
     manifest = replace(manifest, declarations=read_declarations(header))
     return manifest, {
         f"{name}.h": header,
-        f"{name}.c": wrap_lines(render("scene.c", context)),
+        f"{name}.c": wrap_lines(source),
         **{file: wrap_lines(text) for file, text in table_files.items()},
         "example.c": wrap_lines(render("example.c", context)),
         "Makefile": render("Makefile", context),
@@ -153,15 +158,23 @@ def _context(
         "members": len(manifest.member_name),
         "axes": len(manifest.axes),
         "coordinates": n_coordinates,
-        "states": 2 * n_coordinates + manifest.n_internal,
-        "inputs": len(manifest.input_name),
     }
+    if manifest.integrators or any("n_states" in QUANTITIES[name].shape for name in by_quantity):
+        sizes["states"] = 2 * n_coordinates + manifest.n_internal
+    if manifest.input_name:
+        sizes["inputs"] = len(manifest.input_name)
     if manifest.internal_name:
         sizes["internal"] = len(manifest.internal_name)
     if manifest.contact_name:
         sizes["contacts"] = len(manifest.contact_name)
     if manifest.bar_pair:
         sizes["bar_pairs"] = len(manifest.bar_pair)
+    passed = {"coordinate"}.union(
+        *(function.arguments for function in manifest.functions),
+        *(integrator.arguments for integrator in manifest.integrators),
+        *(solver.arguments for solver in manifest.solvers),
+    )
+    passed |= {"velocity", "internal"} if manifest.integrators else set()
     has_table_file = _count_constants(manifest) > MAX_CONSTANTS
     integrators = integrator_context(manifest, arguments, _find_reach(manifest, functions))
     return {
@@ -172,8 +185,7 @@ def _context(
         "NAME": manifest.name.upper(),
         "sources": f"{manifest.name}.c {manifest.name}_tables.c" if has_table_file else f"{manifest.name}.c",
         "tables_apart": has_table_file,
-        "statuses": STATUS,
-        "all_statuses": (*STATUS, *(SOLVER_STATUS if manifest.solvers else ())),
+        "statuses": {word: number for number, word in enumerate((*STATUS, *SOLVER_STATUS))},
         "status_text": STATUS_TEXT,
         "c_api_version": C_API_VERSION,
         "abi_version": manifest.abi_version,
@@ -193,7 +205,7 @@ def _context(
         "indices": _indices(manifest),
         "coordinate_node": [node for node, _ in manifest.coordinate_node_axis],
         "coordinate_axis": [axis for _, axis in manifest.coordinate_node_axis],
-        "arguments": list(arguments.values()),
+        "arguments": [argument for name, argument in arguments.items() if name in passed],
         "functions": [
             _function_context(f, by_quantity[f.quantity.name], arguments, bodies)
             | {"lanes": lanes.get(f.quantity.name)}

@@ -1,18 +1,27 @@
 """Generated C of example scenes under clang-tidy and cppcheck, with the reason of every rule that is off."""
 
+import platform
+import random
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tensegrity_codegen.cli.verbs.examples import list_examples
 from tensegrity_codegen.codegen.emit import emit
+from tensegrity_codegen.pipeline.analyses import want_analyses
 from tensegrity_codegen.pipeline.compile_scene import load_scene
+from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
 from tests.codegen.build_c import run, write_files
 from tests.codegen.plain_c.test_lint import CHECKS, require
-from tests.codegen.subjects import everything
+from tests.codegen.subjects import all_parameters, everything, offered
+from tests.random_structures import AXES, make_structure
 
 Files = dict[str, str]
 
@@ -81,3 +90,58 @@ def test_cppcheck_finds_nothing_in_generated_code(folder: Path) -> None:
     off = [f"--suppress={name}" for name in OFF]
     command = [require("cppcheck"), "-q", "--std=c99", f"--enable={ENABLED}", "--max-configs=1", *off]
     run([*command, "--error-exitcode=1", *units(folder)], folder)
+
+
+UNUSED = ("-Wall", "-Wextra", "-Wunused-macros", "-Wunused-const-variable", "-Werror", "-fsyntax-only")
+
+
+def check_use(structure: Subject, request: ModelRequest, folder: Path) -> None:
+    """Nothing in the C of a request is unused, for narrow and wide registers and without any."""
+    files = emit(structure, request, account=False).files
+    # An attribute could hide what is not used.
+    files = {name: re.sub(r",? ?\bunused\b", "", text) for name, text in files.items()}
+    write_files(folder, files)
+    flags: tuple[tuple[str, ...], ...] = ((), ("-DTENSEGRITY_NO_LANES",))
+    if platform.machine() in ("x86_64", "AMD64"):
+        flags = (*flags, ("-mavx2",), ("-mavx512f", "-mavx512dq"))
+    # Loops of the emitter `table` name the nodes of members of which not all look at them.
+    loops = ("-Wno-unused-variable",) * (request.emitter == "table")
+    for options in flags:
+        run(["cc", "-std=c99", *UNUSED, *loops, *options, *units(folder)], folder)
+
+
+@pytest.mark.parametrize("name", list_examples())
+@pytest.mark.parametrize("analyses", [(), ("simulate",)], ids=["build", "simulate"])
+def test_nothing_is_unused_in_the_c_of_a_shipped_scene(
+    name: str, analyses: tuple[str, ...], tmp_path: Path
+) -> None:
+    path = tmp_path / f"{name}.toml"
+    path.write_text(list_examples()[name], encoding="utf-8")
+    structure, request = load_scene(path)
+    check_use(structure, want_analyses(structure, request, analyses), tmp_path)
+
+
+@pytest.mark.parametrize("seed", [*range(4), *thorough(*range(4, 50))])
+def test_nothing_is_unused_in_the_c_of_a_random_scene(seed: int, tmp_path: Path) -> None:
+    chosen, rng = random.Random(seed), np.random.default_rng(seed)
+    features = ("gravity", "damping", "loads", "velocity", "anchors", "bar_mass", "inputs", "slack")
+    wants = {feature: chosen.random() < 0.5 for feature in features}
+    structure = make_structure(rng, chosen.randint(2, 7), chosen.choice(AXES), wants)
+    parameters = all_parameters(structure) if chosen.random() < 0.3 else {}
+    # Quantities without an entry in this structure are none that can be requested.
+    functions = offered(structure, ModelRequest((), parameters=parameters))
+    request = ModelRequest(
+        tuple(chosen.sample(sorted(functions), min(len(functions), chosen.randint(1, 4)))),
+        parameters=parameters,
+        emitter=chosen.choice(("table", "unrolled")),
+        precision=chosen.choice(("double", "double", "single")),
+        batch_width=chosen.choice((0, 0, 8)),
+        flags=chosen.choice(("reference", "native")),
+    )
+    if chosen.random() < 0.5:
+        methods = chosen.sample(("rk4", "rk54", "rk853"), chosen.randint(1, 2))
+        request = request.wanting(*request.quantities, "acceleration", integrators=tuple(methods))
+    try:
+        check_use(structure, request, tmp_path)
+    except FormulationError:  # the emitter `table` serves less
+        check_use(structure, replace(request, emitter="unrolled"), tmp_path)

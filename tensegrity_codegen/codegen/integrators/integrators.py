@@ -211,15 +211,11 @@ def integrator_context(
                 )
             )
         ],
-        "first_explicit": next(iter(explicit), ""),
         "first_batch": next((spec.name for spec in manifest.integrators if spec.batch_work_size), ""),
-        "first_adaptive": adaptive[0].name if adaptive else "",
-        "has_step_control": any(row.has_step_control for row in rows.values()),
-        "first_trial": tried[0].name if tried else "",
         "first_run": next((spec.name for spec in manifest.integrators if spec in (*tried, *counted)), ""),
         "n_internal": manifest.n_internal,
         "settles": SETTLING in functions,
-        "columns": columns_context(manifest, any(row.dense_order for row in rows.values())),
+        "columns": columns_context(manifest),
         "state_text": f"2 * {len(manifest.coordinate_name)}"
         + (f" + {manifest.n_internal}" if manifest.n_internal else ""),
         "has_run": bool(watching) or has_run,
@@ -275,7 +271,6 @@ def motion_settings(context: Mapping[str, Any]) -> dict[str, bool]:
         "WITH_DIRECTION": bool(columns.get("is_directed")),
         "WITH_ADJOINT": bool(columns.get("has_adjoint")),
         "WITH_MARGIN_JUMPS": has_jumps,
-        "WITH_PROFILE_RATE": has_jumps and bool(columns["is_directed"] or columns["has_adjoint"]),
         "WITH_COLUMN_JUMPS": has_jumps and columns["has_columns"],
         "WITH_EVENT_FORECAST": any(
             [events and moves_places, *(events.get(key) for key in ("is_smooth", "n_contacts", "n_rings"))]

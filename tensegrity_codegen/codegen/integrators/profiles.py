@@ -83,7 +83,7 @@ def check_jumps(subject: Any, request: ModelRequest, events: Sequence[str]) -> N
         )
 
 
-def columns_context(manifest: Manifest, is_dense: bool) -> dict[str, Any] | None:
+def columns_context(manifest: Manifest) -> dict[str, Any] | None:
     """Return sizes, and the row in a direction of each number that can change with time; None if none."""
     functions = {function.quantity: function for function in manifest.functions}
     has_adjoint = "adjoint_rate" in functions
@@ -110,5 +110,4 @@ def columns_context(manifest: Manifest, is_dense: bool) -> dict[str, Any] | None
         "has_columns": bool(manifest.column_name),
         "has_adjoint": has_adjoint,
         "has_jumps": "margin_jump" in functions,
-        "calls_state_rate": not manifest.column_name or (has_adjoint and is_dense),
     }

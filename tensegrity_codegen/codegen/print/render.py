@@ -173,12 +173,12 @@ def _find_compiled_templates() -> "jinja2.BytecodeCache | None":
     return CompiledTemplates(str(folder), f"{version('jinja2')}_%s.bytecode")
 
 
-def wrap_values(values: Iterable[Any]) -> str:
+def wrap_values(values: Iterable[Any], lead: str = "    ") -> str:
     """Return values as a comma-separated list in lines of a readable length, equally many in each line."""
     texts = list(map(str, values.tolist() if isinstance(values, np.ndarray) else values))
     width = max(map(len, texts), default=0) + len(", ")
     count = max(LINE_LENGTH // width, 1)
-    return ",\n    ".join(", ".join(texts[k : k + count]) for k in range(0, len(texts), count))
+    return f",\n{lead}".join(", ".join(texts[k : k + count]) for k in range(0, len(texts), count))
 
 
 def _quote(names: Iterable[str]) -> list[str]:
@@ -188,7 +188,7 @@ def _quote(names: Iterable[str]) -> list[str]:
 
 def _enumerate(names: Iterable[str], prefix: str) -> str:
     """Return the entries of an enumeration that gives each name, after the prefix, its number."""
-    return ",\n".join(f"  {prefix}_{name} = {number}" for number, name in enumerate(names))
+    return wrap_values((f"{prefix}_{name} = {number}" for number, name in enumerate(names)), "  ")
 
 
 LONGEST = 120  # characters in a line of generated C
@@ -196,18 +196,21 @@ INDENT = "    "
 
 # Line breaks are possible behind a comma or an opening bracket, before an operator.
 BREAK = re.compile(r"(?<=, )|(?<=\()(?=[\w(*&-])| (?=[-+*/<>?:|&=!]{1,2} )")
+BLANK = re.compile(r"\n{3,}")
 TRAILING = re.compile(r" +(?=\n)")
 STRING = re.compile(r'"(?:[^"\\]|\\.)*"|/\*.*?\*/')
 
 
 def wrap_lines(text: str) -> str:
-    """Return C text in which no line is longer than LONGEST, nor ends in a space.
+    """Return C text in which no line is longer than LONGEST, nor ends in a space, nor two blank ones follow.
 
     Statements break at commas and operators, comments at spaces, strings nowhere. Macros go on with a
     backslash.
     """
     if " \n" in text:
         text = TRAILING.sub("", text)
+    if "\n\n\n" in text:
+        text = BLANK.sub("\n\n", text)
     lines = text.split("\n")
     if max(map(len, lines)) <= LONGEST:
         return text

@@ -3,6 +3,8 @@
 import re
 from dataclasses import dataclass
 
+from tensegrity_codegen.tables.manifest import SOLVER_STATUS, STATUS
+
 COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
 DIRECTIVE = re.compile(r"^#[^\n]*|extern \"C\" \{", re.MULTILINE)
 ENUMERATION = re.compile(r"enum(?: \w+)? \{(.*?)\};", re.DOTALL)
@@ -13,6 +15,8 @@ MACRO = re.compile(r"^#define (\w+) (\S+)$", re.MULTILINE)
 
 # Numbers that a program takes by their names: sizes of work arrays, and the versions themselves.
 FREE = re.compile(r"_WORK$|_ABI_VERSION$|_C_API_VERSION$")
+# Names that a header only has where its functions use them.
+IF_USED = re.compile(rf"_N_(STATES|INPUTS)$|_nominal_\w+$|_({'|'.join((*STATUS, *SOLVER_STATUS)).upper()})$")
 
 
 @dataclass(frozen=True)
@@ -51,16 +55,17 @@ def find_breaks(old: str, new: str) -> list[str]:
     """Return what a program written for the header `old` would miss in `new`; empty: compatible.
 
     Functions keep their types, constants their values (but sizes of work arrays and versions), arrays their
-    types and sizes; structs keep their fields and their order, and may gain fields at the end.
+    types and sizes; structs keep their fields and their order, and may gain fields at the end. What no
+    function uses any more may go: statuses, sizes of states and inputs, nominal values.
     """
     first, second = read_interface(old), read_interface(new)
     found = []
     for what in ("constants", "arrays", "functions", "macros"):
         before, after = getattr(first, what), getattr(second, what)
         for name, value in before.items():
-            if name not in after:
+            if name not in after and not IF_USED.search(name):
                 found.append(f"{what}: {name} is gone")
-            elif after[name] != value and not FREE.search(name):
+            elif after.get(name, value) != value and not FREE.search(name):
                 found.append(f"{what}: {name} was {value}, is {after[name]}")
     for name, fields in first.structs.items():
         if second.structs.get(name, [])[: len(fields)] != fields:

@@ -36,7 +36,7 @@ def render_anew() -> str:
 
 def test_a_template_is_compiled_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text = render_anew()
-    assert text == "  word_one = 0,\n  word_two = 1"
+    assert text == "word_one = 0, word_two = 1"
     assert len(list(folder.iterdir())) == 1
 
     def refuse(*_: object, **__: object) -> str:
@@ -70,7 +70,7 @@ def test_bytecode_that_others_may_have_written_is_not_read(folder: Path) -> None
 
 def test_a_cache_that_cannot_be_written_is_not_needed(folder: Path) -> None:
     folder.parent.write_text("a file in the way", encoding="ascii")
-    assert render_anew() == "  word_one = 0,\n  word_two = 1"
+    assert render_anew() == "word_one = 0, word_two = 1"
 
 
 def test_a_full_disk_is_not_an_error(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,7 +78,7 @@ def test_a_full_disk_is_not_an_error(folder: Path, monkeypatch: pytest.MonkeyPat
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(jinja2.FileSystemBytecodeCache, "dump_bytecode", fail)
-    assert render_anew() == "  word_one = 0,\n  word_two = 1"
+    assert render_anew() == "word_one = 0, word_two = 1"
 
 
 @pytest.mark.parametrize("values", [[], [7], list(range(1000)), [0.1, -1e-300, 1e300] * 40, ["x" * 200, "y"]])
