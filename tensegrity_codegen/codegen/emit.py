@@ -76,7 +76,7 @@ def emit(
     account: whether the manifest lists the omitted features, which takes longer than all else; quick: whether
     the emitter `table`, whose code compiles quickest, goes before the choice of `auto` where it serves all.
     object_size: bytes of object code of some sources; with it, what was left out is compiled too and its
-    bytes are measured instead of estimated.
+    bytes are measured.
     """
     plan = (quick and _plan_loops(structure, request)) or check_request(structure, request)
     _checked.clear()

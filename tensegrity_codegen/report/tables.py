@@ -74,16 +74,12 @@ def describe_parts(manifest: Manifest) -> str:
 
 def left_out_table(manifest: Manifest) -> Table:
     """Return a table of the features that the library omits, with reasons and savings."""
-    table = new_table(
-        f"{manifest.name}: left out", "what, and why",
-        functions="right", arguments="right", operations="right", object_bytes="right",
-    )  # fmt: skip
+    counts = ["functions", "arguments", "operations"]
+    counts += ["object_bytes"] if any(feature.measured for feature in manifest.left_out) else []
+    table = new_table(f"{manifest.name}: left out", "what, and why", **dict.fromkeys(counts, "right"))
     for feature in manifest.left_out:
-        sign = "" if feature.measured else "~"
-        add_row(
-            table, f"{feature.what}\n{feature.why}", f"{feature.functions:,}", f"{feature.arguments:,}",
-            f"{feature.operations:,}", f"{sign}{feature.object_bytes:,}",
-        )  # fmt: skip
+        numbers = [f"{getattr(feature, name):,}" for name in counts]
+        add_row(table, f"{feature.what}\n{feature.why}", *numbers)
         table.add_section()
     return table
 

@@ -184,8 +184,7 @@ class SolverSpec:
 class LeftOut:
     """One thing that the scene does not need: why, and the effort that its omission saved.
 
-    object_bytes is an estimate from the operations in the text unless `measured`: in loops over tables code
-    does not grow with the structure, and the tables are not counted.
+    object_bytes: what the compiled library would grow by, None unless it has been `measured`.
     """
 
     what: str
@@ -193,7 +192,7 @@ class LeftOut:
     functions: int
     arguments: int
     operations: int
-    object_bytes: int
+    object_bytes: int | None = None
     measured: bool = False
 
 

@@ -6,16 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.codegen.compilation.compile import object_size
-from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS
-from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.codegen.left_out import BYTES_AN_OPERATION, FEATURES, UNWANTED
+from tensegrity_codegen.codegen.left_out import FEATURES, UNWANTED
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.manifest import LeftOut
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.codegen.subjects import all_parameters
-from tests.runtime.build import cable, make_structure, prism, spring
+from tests.runtime.build import cable, make_structure, spring
 
 pytestmark = pytest.mark.optimised
 
@@ -76,7 +73,7 @@ def test_a_row_appears_exactly_where_the_feature_is_absent(what: str) -> None:
     without, with_it = reversed(rows) if what == "anchored coordinates" else rows
     row = without[what]
     assert row.operations > 0
-    assert row.object_bytes == row.operations * BYTES_AN_OPERATION
+    assert row.object_bytes is None
     assert not row.measured
     assert row.why
     assert what not in with_it
@@ -144,23 +141,7 @@ def test_measured_bytes_are_those_of_the_compiled_variants() -> None:
     manifest = emit(triangle(), WANTED, size).manifest
     assert all(row.measured for row in manifest.left_out)
     assert [row.object_bytes for row in manifest.left_out] == [length - seen[0] for length in seen[1:]]
-    assert all(row.object_bytes > 0 for row in manifest.left_out)
-
-
-@pytest.mark.thorough
-def test_the_estimate_is_near_what_the_compiler_makes() -> None:
-    compiler = find_compiler()
-
-    def size(files: dict[str, str]) -> int:
-        sources = {name: text for name, text in files.items() if name in ("small.c", "small.h")}
-        found = object_size(sources, compiler=compiler, flags=FLAG_SETS["reference"])
-        assert found is not None
-        return found
-
-    structure = prism(gravity=(0, 0, -9.81))
-    measured = {row.what: row.object_bytes for row in emit(structure, WANTED, size).manifest.left_out}
-    estimate = left_out(structure)
-    assert 0.2 < measured[UNWANTED] / estimate[UNWANTED].object_bytes < 5.0
+    assert all(row.object_bytes is not None and row.object_bytes > 0 for row in manifest.left_out)
 
 
 def test_a_structure_that_has_everything_leaves_out_only_what_nobody_wants() -> None:
@@ -170,17 +151,3 @@ def test_a_structure_that_has_everything_leaves_out_only_what_nobody_wants() -> 
     )
     request = ModelRequest(WANTED.quantities, parameters=all_parameters(structure))
     assert set(left_out(structure, request)) == {UNWANTED}
-
-
-def test_bytes_of_loops_do_not_grow_with_the_structure() -> None:
-    def rows(stages: int) -> dict[str, LeftOut]:
-        tower = tower_of(stages)
-        request = ModelRequest(("node_force", "elastic_energy", "acceleration"), emitter="table")
-        return left_out(tower, request)
-
-    small, large = rows(30), rows(120)
-    assert small.keys() == large.keys()
-    for what, row in small.items():
-        assert abs(large[what].object_bytes - row.object_bytes) <= 500, what
-    assert large["damping"].operations > 3 * small["damping"].operations > 0
-    assert 0 < large["damping"].object_bytes < 20_000

@@ -29,7 +29,7 @@ MANIFEST = Manifest(
     ),
     integrators=(IntegratorSpec("rk4", "toy_i", ("gravity",), 90),),
     left_out=(
-        LeftOut("damping", "no member [has] damping", 0, 2, 1500, 33000),
+        LeftOut("damping", "no member [has] damping", 0, 2, 1500, 33000, measured=True),
         LeftOut("loads", "no node has a load", 1, 1, 6, 120, measured=True),
     ),
 )  # fmt: skip
@@ -57,11 +57,15 @@ def test_functions_are_listed_with_arguments_shape_unit_and_operations():
     assert body[2][:2] == ("integrate_rk4", "state, gravity")
 
 
-def test_left_out_marks_estimates_and_keeps_brackets():
+def test_left_out_has_bytes_where_they_are_measured_and_keeps_brackets():
     _, body = rows(left_out_table(MANIFEST))
-    assert body[0] == ("damping\nno member [has] damping", "0", "2", "1,500", "~33,000")
+    assert body[0] == ("damping\nno member [has] damping", "0", "2", "1,500", "33,000")
     assert body[1][-1] == "120"
     assert "no member [has] damping" in render(left_out_table(MANIFEST))
+    counted = replace(MANIFEST, left_out=(LeftOut("loads", "no node has a load", 1, 1, 6),))
+    header, body = rows(left_out_table(counted))
+    assert header == ["what, and why", "functions", "arguments", "operations"]
+    assert body == [("loads\nno node has a load", "1", "1", "6")]
 
 
 def test_nodes_show_the_modelled_axes_how_far_they_moved_and_what_is_held():
