@@ -206,6 +206,9 @@ int two_nodes_compute_cable_margin(
  * how these are called. */
 enum {
   N = 3, /* coordinates */
+  N_STATES = 2 * N, /* coordinates, velocities */
+  N_SLOPES = N, /* accelerations */
+  N_OLD = N_STATES + N_SLOPES, /* a state and these */
   N_MARGINS = 2, /* events that are watched, the condition last */
   N_MEASURED = 3, /* coordinates whose size counts as rounding */
   MOST_IN_SUCCESSION = 150 /* events, each within a thousandth of a step of the last one */
@@ -270,7 +273,7 @@ static void motion_interpolate(
 {
   /* What rounding leaves of the defect, squared, beside the squares of the coordinates. */
   const double rounding = 1e-30;
-  const double *q0 = old, *v0 = old + N, *a0 = old + 2 * N;
+  const double *q0 = old, *v0 = old + N, *a0 = old + N_STATES;
   int k;
   for (k = 0; k < N; ++k) {
     const double b0 = h * a0[k], b1 = h * a1[k], rise = v1[k] - v0[k];
@@ -314,7 +317,7 @@ typedef struct {
   double side[N_MARGINS], noise[N_MARGINS], start_margin[N_MARGINS], start_rate[N_MARGINS], end_margin[N_MARGINS];
   double end_slope[N_MARGINS], middle_margin[N_MARGINS], middle_slope[N_MARGINS], trial_margin[N_MARGINS];
   double nearby_margin[N_MARGINS], start_slope[N_MARGINS];
-  double point[2 * N];
+  double point[N_STATES];
   int may_cut_at_turn; /* whether a turn that is too near to tell may cut the step */
   int found_margin;    /* the margin whose event was found */
 } event_memory;
@@ -736,7 +739,7 @@ static void motion_sample(
   for (; motion_next_sample(to) <= t1; ++*to->n_filled) {
     const double time = motion_next_sample(to);
     const double s = t1 <= time ? 1.0 : (double)((time - t0) / h);
-    double *sample = to->state + *to->n_filled * 2 * N;
+    double *sample = to->state + *to->n_filled * N_STATES;
     motion_interpolate(s, (double)h, old, state, state + N, a, sample);
   }
 }
@@ -763,11 +766,11 @@ static int motion_evaluate_margins(
 {
   event_path path;
   int k;
-  for (k = 0; k < 2 * N; ++k) {
+  for (k = 0; k < N_STATES; ++k) {
     old[k] = state[k];
   }
-  for (k = 0; k < N; ++k) {
-    old[2 * N + k] = rate[N + k];
+  for (k = 0; k < N_SLOPES; ++k) {
+    old[N_STATES + k] = rate[N + k];
   }
   motion_extrapolate(h, state, lost, rate, change, trial);
   path.start = old;
@@ -867,7 +870,7 @@ static int rk4_check(
   if (!(step > 0.0) || first_step < 0 || n_steps < 0 || *to->n_filled < 0) {
     return TWO_NODES_INVALID_ARGUMENT;
   }
-  if (!is_finite(time_start) || !is_finite(step) || !all_finite(state, 2 * N)) {
+  if (!is_finite(time_start) || !is_finite(step) || !all_finite(state, N_STATES)) {
     return TWO_NODES_NON_FINITE_INPUT;
   }
   return TWO_NODES_OK;
@@ -904,25 +907,25 @@ static double rk4_run_try(
     double *TENSEGRITY_RESTRICT trial)
 {
   int k;
-  for (k = 0; k < 2 * N; ++k) {
+  for (k = 0; k < N_STATES; ++k) {
     trial[k] = state[k] + (h * (0.5 * rates[k]) + lost[k]);
   }
-  motion_rate(trial, with, rates + 2 * N);
-  for (k = 0; k < 2 * N; ++k) {
-    trial[k] = state[k] + (h * (0.5 * rates[2 * N + k]) + lost[k]);
+  motion_rate(trial, with, rates + N_STATES);
+  for (k = 0; k < N_STATES; ++k) {
+    trial[k] = state[k] + (h * (0.5 * rates[N_STATES + k]) + lost[k]);
   }
-  motion_rate(trial, with, rates + 4 * N);
-  for (k = 0; k < 2 * N; ++k) {
-    trial[k] = state[k] + (h * (1.0 * rates[4 * N + k]) + lost[k]);
+  motion_rate(trial, with, rates + 2 * N_STATES);
+  for (k = 0; k < N_STATES; ++k) {
+    trial[k] = state[k] + (h * (1.0 * rates[2 * N_STATES + k]) + lost[k]);
   }
-  motion_rate(trial, with, rates + 6 * N);
-  for (k = 0; k < 2 * N; ++k) {
-    change[k] = h * (0.16666666666666666 * rates[k] + 0.3333333333333333 * rates[2 * N + k] + 0.3333333333333333
-        * rates[4 * N + k]
-           + 0.16666666666666666 * rates[6 * N + k]) + lost[k];
+  motion_rate(trial, with, rates + 3 * N_STATES);
+  for (k = 0; k < N_STATES; ++k) {
+    change[k] = h * (0.16666666666666666 * rates[k] + 0.3333333333333333 * rates[N_STATES + k] + 0.3333333333333333
+        * rates[2 * N_STATES + k]
+           + 0.16666666666666666 * rates[3 * N_STATES + k]) + lost[k];
     trial[k] = state[k] + change[k];
   }
-  if (!all_finite(trial, 2 * N)) {
+  if (!all_finite(trial, N_STATES)) {
     return INFINITY;
   }
   return 0.0;
@@ -930,7 +933,8 @@ static double rk4_run_try(
 
 /* Memory of one integration; from call to call it keeps rates[0], what rounding took, and the sides of events. */
 typedef struct {
-  double rates[2 * N * RK4_RUN_RATES], trial[2 * N], old[3 * N], lost[2 * N], change[2 * N], spare[2 * N];
+  double rates[N_STATES * RK4_RUN_RATES], trial[N_STATES], old[N_OLD], lost[N_STATES], change[N_STATES],
+      spare[N_STATES];
   event_memory events;
 } rk4_run_work;
 
@@ -949,11 +953,11 @@ typedef struct {
 static void rk4_run_keep_old(const double *state, const double *rates, double *old)
 {
   int k;
-  for (k = 0; k < 2 * N; ++k) {
+  for (k = 0; k < N_STATES; ++k) {
     old[k] = state[k];
   }
-  for (k = 0; k < N; ++k) {
-    old[2 * N + k] = rates[N + k];
+  for (k = 0; k < N_SLOPES; ++k) {
+    old[N_STATES + k] = rates[N + k];
   }
 }
 
@@ -980,7 +984,7 @@ static int rk4_run_pass(double root, double near, double left, const rk4_run_mot
     return 0;
   }
   rk4_run_keep_old(m->state, w->rates, w->old);
-  for (k = 0; k < 2 * N; ++k) {
+  for (k = 0; k < N_STATES; ++k) {
     m->state[k] = w->trial[k];
     w->lost[k] = w->change[k] - (w->trial[k] - w->old[k]);
   }
@@ -1032,7 +1036,7 @@ static int rk4_run_meet_crossing(double left, const rk4_run_motion *m, int *is_o
     return TWO_NODES_OK;
   }
   run->loudness = 1.0;
-  if (!all_finite(w->rates, 2 * N) || !rk4_run_evaluate_margins(run->pace, m, w->change)) {
+  if (!all_finite(w->rates, N_STATES) || !rk4_run_evaluate_margins(run->pace, m, w->change)) {
     return TWO_NODES_NON_FINITE_RESULT;
   }
   return rk4_run_after_crossing(run, is_over);
@@ -1051,7 +1055,7 @@ static int rk4_run_is_cut_short(
   path.start = w->old;
   path.end_coordinate = w->trial;
   path.end_velocity = w->trial + N;
-  path.end_acceleration = w->rates + 2 * N * RK4_RUN_STAGES + N;
+  path.end_acceleration = w->rates + N_STATES * RK4_RUN_STAGES + N;
   path.time = *m->time;
   path.length = h;
   events->may_cut_at_turn = !is_cut;
@@ -1100,12 +1104,12 @@ static int rk4_run_begin(double time_end, const rk4_run_motion *m)
   two_nodes_run *run = m->run;
   int k;
   (void)time_end;
-  for (k = 0; k < 2 * N; ++k) {
+  for (k = 0; k < N_STATES; ++k) {
     w->lost[k] = 0.0;
   }
   motion_rate(m->state, m->with, w->rates);
   ++run->n_evaluations;
-  if (!all_finite(w->rates, 2 * N)) {
+  if (!all_finite(w->rates, N_STATES)) {
     return TWO_NODES_NON_FINITE_RESULT;
   }
   w->events.may_cut_at_turn = 0;
@@ -1130,14 +1134,14 @@ static double rk4_run_attempt(double h, const rk4_run_motion *m)
   if (!(error < INFINITY)) {
     return error;
   }
-  for (k = 0; k < 2 * N; ++k) {
+  for (k = 0; k < N_STATES; ++k) {
     w->change[k] -= w->trial[k] - m->state[k];
   }
   if (error <= 1.0 || m->run->watch) {
-    double *end = w->rates + 2 * N * RK4_RUN_STAGES;
+    double *end = w->rates + N_STATES * RK4_RUN_STAGES;
     motion_rate(w->trial, m->with, end);
     ++m->run->n_evaluations;
-    error = all_finite(end, 2 * N) ? error : INFINITY;
+    error = all_finite(end, N_STATES) ? error : INFINITY;
   }
   return error;
 }
@@ -1148,8 +1152,8 @@ static void rk4_run_sample_step(double h, double t1, const rk4_run_motion *m)
   rk4_run_work *w = m->work;
   const motion_samples *to = m->to;
   int k;
-  for (k = 0; k < 2 * N; ++k) {
-    w->rates[k] = w->rates[2 * N * RK4_RUN_STAGES + k];
+  for (k = 0; k < N_STATES; ++k) {
+    w->rates[k] = w->rates[N_STATES * RK4_RUN_STAGES + k];
   }
   motion_sample(*m->time, h, t1, w->old, m->state, w->rates + N, m->with, w->spare, to);
 }
@@ -1159,7 +1163,7 @@ static void rk4_run_take(double h, double t1, const rk4_run_motion *m)
 {
   rk4_run_work *w = m->work;
   int k;
-  for (k = 0; k < 2 * N; ++k) {
+  for (k = 0; k < N_STATES; ++k) {
     m->state[k] = w->trial[k];
     w->lost[k] = w->change[k];
   }

@@ -27,20 +27,6 @@ INCLUDE = re.compile(r'^#include "[^"]*"\n', re.MULTILINE)
 CONDITION = re.compile(r"#if (!?)((?:WITH|METHOD)_\w+)")
 NUMBER = re.compile(r"\(real\)(\d[\d.]*(?:e[+-]?\d+)?)")
 
-# Sizes of a state and of what is kept of one, if it consists of coordinates and velocities alone.
-WITHOUT_INTERNAL = {
-    "N_OLD + 2 * N_STATES + N + N_STATES * METHOD_DENSE": "(8 + 2 * METHOD_DENSE) * N",
-    "N_OLD + 2 * N_STATES + N": "8 * N",
-    "N_OLD + 2 * N_STATES": "7 * N",
-    "N_OLD + N_STATES": "5 * N",
-    "2 * N_STATES": "4 * N",
-    "3 * N_STATES": "6 * N",
-    "N_STATES": "2 * N",
-    "N_SLOPES": "N",
-    "N_OLD": "3 * N",
-}
-STATE_SIZE = re.compile(rf"\b({'|'.join(map(re.escape, WITHOUT_INTERNAL))})\b")
-
 
 def plain_c_folder(templates: Path) -> Path:
     """Return the folder of the plain C files within the folder of the templates."""
@@ -57,8 +43,6 @@ def paste(
     """
     names_in_c = {"scene": context["name"], **names}
     text = _read(context["plain_c"] / file)
-    if not context.get("n_internal"):
-        text = STATE_SIZE.sub(lambda match: WITHOUT_INTERNAL[match[0]], text)
     return paste_text(
         text, names_in_c, {**context["settings"], **settings}, context["real"], context["suffix"]
     )
