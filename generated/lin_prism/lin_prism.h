@@ -113,7 +113,7 @@ LIN_PRISM_API int lin_prism_compute_member_length(
     const double coordinate[6],
     double member_length[6]);
 
-/* Member tensions t_e = mu_e (l_e - rho_e) + c_e l_e', positive in tension; zero in slack cables.
+/* Member tensions t_e = mu_e (l_e - rho_e), positive in tension.
  *
  *   coordinate (6,) [m, rad]: Positions and angles of the bodies, body by body.
  *   returns member_tension (6,) [N]
@@ -177,5 +177,12 @@ LIN_PRISM_API int lin_prism_integrate_rk4(
 #ifdef __cplusplus
 }
 #endif
+
+/* Sources.
+ * S&K: S. I. Savin, R. R. Khusainov, "Sparse Node-Distance Coordinate Representation for Tensegrity Structures",
+ * Russian Journal of Nonlinear Dynamics, 18 (5), 2022, pp. 885-898, doi:10.20537/nd221225.
+ * SCS: C. Sultan, M. Corless, R. E. Skelton, "Symmetrical reconfiguration of tensegrity structures", International
+ * Journal of Solids and Structures, 39 (8), 2002, pp. 2215-2234.
+ */
 
 #endif

@@ -128,7 +128,7 @@ PINNED_PRISM_API int pinned_prism_compute_member_length(
     const double coordinate[6],
     double member_length[9]);
 
-/* Member tensions t_e = mu_e (l_e - rho_e) + c_e l_e', positive in tension; zero in slack cables.
+/* Member tensions t_e = mu_e (l_e - rho_e), positive in tension; zero in slack cables.
  *
  *   coordinate (6,) [m, rad]: Positions and angles of the bodies, body by body.
  *   input (9,) [m, N or N m]: Rest-length changes, forces and torques of the actuated inputs.
@@ -154,8 +154,7 @@ PINNED_PRISM_API int pinned_prism_compute_acceleration(
     const double input[9],
     double acceleration[6]);
 
-/* Margins of cables that go slack, min(l_e - rho_e, l_e - rho_e + c_e l_e' / mu_e): each pulls while its margin is
- * positive.
+/* Margins of cables that go slack, l_e - rho_e: each pulls while its margin is positive.
  *
  *   coordinate (6,) [m, rad]: Positions and angles of the bodies, body by body.
  *   input (9,) [m, N or N m]: Rest-length changes, forces and torques of the actuated inputs.
@@ -265,5 +264,10 @@ PINNED_PRISM_API int pinned_prism_integrate_rk4_run(
 #ifdef __cplusplus
 }
 #endif
+
+/* Sources.
+ * S&K: S. I. Savin, R. R. Khusainov, "Sparse Node-Distance Coordinate Representation for Tensegrity Structures",
+ * Russian Journal of Nonlinear Dynamics, 18 (5), 2022, pp. 885-898, doi:10.20537/nd221225.
+ */
 
 #endif

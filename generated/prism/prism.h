@@ -120,7 +120,7 @@ PRISM_API int prism_compute_member_length(
     const double coordinate[15],
     double member_length[12]);
 
-/* Member tensions t_e = mu_e (l_e - rho_e) + c_e l_e', positive in tension; zero in slack cables.
+/* Member tensions t_e = mu_e (l_e - rho_e), positive in tension; zero in slack cables.
  *
  *   coordinate (15,) [m]: Free node coordinates, node by node.
  *   returns member_tension (12,) [N]
@@ -130,7 +130,7 @@ PRISM_API int prism_compute_member_tension(
     const double coordinate[15],
     double member_tension[12]);
 
-/* Static force (no damping) on every free coordinate; zero in equilibrium.
+/* Static force on every free coordinate; zero in equilibrium.
  *
  *   coordinate (15,) [m]: Free node coordinates, node by node.
  *   returns node_residual (15,) [N]
@@ -188,8 +188,7 @@ PRISM_API int prism_compute_acceleration(
     const double coordinate[15],
     double acceleration[15]);
 
-/* Margins of cables that go slack, min(l_e - rho_e, l_e - rho_e + c_e l_e' / mu_e): each pulls while its margin is
- * positive.
+/* Margins of cables that go slack, l_e - rho_e: each pulls while its margin is positive.
  *
  *   coordinate (15,) [m]: Free node coordinates, node by node.
  *   returns cable_margin (9,) [m]
@@ -274,5 +273,10 @@ PRISM_API int prism_integrate_rk4_run(
 #ifdef __cplusplus
 }
 #endif
+
+/* Sources.
+ * S&K: S. I. Savin, R. R. Khusainov, "Sparse Node-Distance Coordinate Representation for Tensegrity Structures",
+ * Russian Journal of Nonlinear Dynamics, 18 (5), 2022, pp. 885-898, doi:10.20537/nd221225.
+ */
 
 #endif

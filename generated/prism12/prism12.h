@@ -118,7 +118,7 @@ extern PRISM12_API const double prism12_nominal_coordinate[18];
 extern PRISM12_API const double prism12_nominal_velocity[18];
 extern PRISM12_API const double prism12_nominal_input[6];
 
-/* Member tensions t_e = mu_e (l_e - rho_e) + c_e l_e', positive in tension; zero in slack cables.
+/* Member tensions t_e = mu_e (l_e - rho_e), positive in tension; zero in slack cables.
  *
  *   coordinate (18,) [m]: Free node coordinates, node by node.
  *   input (6,) [m or N]: Rest-length changes and forces of the actuated inputs.
@@ -159,5 +159,10 @@ PRISM12_API int prism12_compute_total_energy(
 #ifdef __cplusplus
 }
 #endif
+
+/* Sources.
+ * S&K: S. I. Savin, R. R. Khusainov, "Sparse Node-Distance Coordinate Representation for Tensegrity Structures",
+ * Russian Journal of Nonlinear Dynamics, 18 (5), 2022, pp. 885-898, doi:10.20537/nd221225.
+ */
 
 #endif

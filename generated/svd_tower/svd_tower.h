@@ -138,7 +138,7 @@ SVD_TOWER_API int svd_tower_compute_member_length(
     const double coordinate[18],
     double member_length[18]);
 
-/* Member tensions t_e = mu_e (l_e - rho_e) + c_e l_e', positive in tension; zero in slack cables.
+/* Member tensions t_e = mu_e (l_e - rho_e), positive in tension; zero in slack cables.
  *
  *   coordinate (18,) [m, rad]: Positions and angles of the bodies, body by body.
  *   rest_length (18,) [m]: Rest lengths of the changeable members.
@@ -190,8 +190,7 @@ SVD_TOWER_API int svd_tower_compute_chart_margin(
     const double coordinate[18],
     double chart_margin[7]);
 
-/* Margins of cables that go slack, min(l_e - rho_e, l_e - rho_e + c_e l_e' / mu_e): each pulls while its margin is
- * positive.
+/* Margins of cables that go slack, l_e - rho_e: each pulls while its margin is positive.
  *
  *   coordinate (18,) [m, rad]: Positions and angles of the bodies, body by body.
  *   rest_length (18,) [m]: Rest lengths of the changeable members.
@@ -305,5 +304,12 @@ SVD_TOWER_API int svd_tower_integrate_rk4_run(
 #ifdef __cplusplus
 }
 #endif
+
+/* Sources.
+ * S&K: S. I. Savin, R. R. Khusainov, "Sparse Node-Distance Coordinate Representation for Tensegrity Structures",
+ * Russian Journal of Nonlinear Dynamics, 18 (5), 2022, pp. 885-898, doi:10.20537/nd221225.
+ * SCS: C. Sultan, M. Corless, R. E. Skelton, "Symmetrical reconfiguration of tensegrity structures", International
+ * Journal of Solids and Structures, 39 (8), 2002, pp. 2215-2234.
+ */
 
 #endif

@@ -323,4 +323,9 @@ TOWER_API int tower_integrate_rk4_run(
 }
 #endif
 
+/* Sources.
+ * S&K: S. I. Savin, R. R. Khusainov, "Sparse Node-Distance Coordinate Representation for Tensegrity Structures",
+ * Russian Journal of Nonlinear Dynamics, 18 (5), 2022, pp. 885-898, doi:10.20537/nd221225.
+ */
+
 #endif

@@ -103,7 +103,7 @@ extern TWO_NODES_API const int two_nodes_coordinate_axis[3];
 extern TWO_NODES_API const double two_nodes_nominal_coordinate[3];
 extern TWO_NODES_API const double two_nodes_nominal_velocity[3];
 
-/* Member tensions t_e = mu_e (l_e - rho_e) + c_e l_e', positive in tension; zero in slack cables.
+/* Member tensions t_e = mu_e (l_e - rho_e), positive in tension; zero in slack cables.
  *
  *   coordinate (3,) [m]: Free node coordinates, node by node.
  *   returns member_tension (1,) [N]
@@ -135,8 +135,7 @@ TWO_NODES_API int two_nodes_compute_total_energy(
     const double velocity[3],
     double total_energy[1]);
 
-/* Margins of cables that go slack, min(l_e - rho_e, l_e - rho_e + c_e l_e' / mu_e): each pulls while its margin is
- * positive.
+/* Margins of cables that go slack, l_e - rho_e: each pulls while its margin is positive.
  *
  *   coordinate (3,) [m]: Free node coordinates, node by node.
  *   returns cable_margin (1,) [m]
@@ -221,5 +220,10 @@ TWO_NODES_API int two_nodes_integrate_rk4_run(
 #ifdef __cplusplus
 }
 #endif
+
+/* Sources.
+ * S&K: S. I. Savin, R. R. Khusainov, "Sparse Node-Distance Coordinate Representation for Tensegrity Structures",
+ * Russian Journal of Nonlinear Dynamics, 18 (5), 2022, pp. 885-898, doi:10.20537/nd221225.
+ */
 
 #endif

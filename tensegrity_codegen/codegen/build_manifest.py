@@ -25,6 +25,7 @@ from tensegrity_codegen.tables.manifest import (
 )
 from tensegrity_codegen.tables.precision import find_precision
 from tensegrity_codegen.tables.quantities import ARGUMENTS, DIRECTED
+from tensegrity_codegen.tables.quantities.quantity import fit_sentence
 from tensegrity_codegen.tables.request import ModelRequest
 
 
@@ -41,7 +42,13 @@ def build_manifest(
 ) -> Manifest:
     """Return the manifest of the library that these functions make."""
     frame = model.frame
-    specs = tuple(_function_spec(model, function) for function in functions)
+    present = {
+        "slack cables": model.subject.tension_only.any(),
+        "damping": model.subject.damping.any() or "damping" in request.parameters,
+        "rigid bars": frame.rigid_bar,
+    }
+    features = [feature for feature, is_present in present.items() if is_present]
+    specs = tuple(_function_spec(model, function, features) for function in functions)
     used = {name for function in functions for name in function.arguments}
     used |= {"coordinate", "velocity", "internal", "input"}
     used |= set(DIRECTED) if request.differentiates_motions else set()  # a direction has them all
@@ -102,7 +109,7 @@ def _rows(values: np.ndarray) -> tuple[tuple[float, float, float], ...]:
     return tuple((float(x), float(y), float(z)) for x, y, z in values)
 
 
-def _function_spec(model: EmittedModel, function: WantedFunction) -> FunctionSpec:
+def _function_spec(model: EmittedModel, function: WantedFunction, features: Sequence[str]) -> FunctionSpec:
     quantity, (rows, columns) = function.quantity, function.shape
     unit, sentence = model.words.get(quantity.name, (quantity.unit, quantity.sentence))
     shape: tuple[int, ...] = (columns, rows) if len(quantity.shape) == 2 else (rows * columns,)
@@ -116,7 +123,7 @@ def _function_spec(model: EmittedModel, function: WantedFunction) -> FunctionSpe
         arguments=function.arguments,
         shape=shape,
         unit=unit,
-        sentence=sentence,
+        sentence=fit_sentence(sentence, features),
         operations=function.operations,
         pattern=function.pattern,
     )

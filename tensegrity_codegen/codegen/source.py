@@ -37,6 +37,7 @@ from tensegrity_codegen.tables.manifest import (
 )
 from tensegrity_codegen.tables.precision import Precision, find_precision
 from tensegrity_codegen.tables.quantities import QUANTITIES
+from tensegrity_codegen.tables.quantities.quantity import REFERENCES
 
 # How the example program names the entries of a result: by nodes, members, coordinates and inputs.
 
@@ -222,6 +223,11 @@ def _context(
             and manifest.batch_width % REGISTER_LANES == 0,
         },
         "preamble": list(bodies.preamble),
+        "references": {
+            name: text
+            for name, text in REFERENCES.items()
+            if any(QUANTITIES[quantity].source.startswith(name) for quantity in by_quantity)
+        },
         **integrators,
         "solvers": [solver_context(spec, manifest, arguments) for spec in manifest.solvers],
     }
