@@ -190,8 +190,8 @@ def test_a_function_too_long_for_lanes_runs_one_by_one(
     monkeypatch.setattr(unrolled, "MAX_LANE_OPERATIONS", shortest)
     source = emit(structure, lane_request(request, 8))
     text = source.files["triangle.c"]
-    assert "member_tension_lanes" in text
-    assert "acceleration_lanes" not in text
+    assert "member_tension_wide" in text
+    assert "acceleration_wide" not in text
     assert "one after the other" in source.files["triangle.h"]
     run_driver(source, tmp_path)
 
