@@ -61,6 +61,7 @@ def compiled(structure: Structure, formulation: str) -> CompiledModel:
         formulation=formulation,
         options={"bars": "all"} if formulation == "rigid_bar" else {},
         keep=("energy",),
+        events=("auto",),
     )
     return build_library(structure, request).load()
 

@@ -132,6 +132,7 @@ class Ensemble:
         request = ModelRequest(
             ("acceleration", *kept),
             integrators=METHODS,
+            events=("auto",),
             batch_width=8,
             formulation=formulation,
             options=options,

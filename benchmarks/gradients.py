@@ -105,6 +105,7 @@ def compare_tower() -> str:
 
     def make(**more: Any) -> CompiledModel:
         quantities = (*SIMULATION_QUANTITIES, *(("adjoint_rate",) if more.pop("backwards", False) else ()))
+        more["events"] = ("auto",)
         request = ModelRequest(quantities, integrators=("rk853",), parameters=parameters, **more)
         return build_library(tower, request, flags="native").load()
 
@@ -157,6 +158,7 @@ def build(prism: Structure, columns: tuple[str, ...], *, backwards: bool = False
         directions=("all",) if backwards else (),
         formulation="rigid_bar",
         integrators=("rk853",),
+        events=("auto",),
         parameters={"rest_length": cables, "ground": (0, 2)},
         columns=columns,
     )

@@ -112,7 +112,9 @@ def measure_prism() -> list[Row]:
 def prepare(structure: Structure, method: str, rtol: float, t_end: float) -> Callable[[], FloatArray]:
     """Return a run of one of our methods from the scene's start to the state (q, v, z) at the end."""
     formulation = "rigid_bar" if structure.is_rigid.any() else "node_position"
-    request = ModelRequest(SIMULATION_QUANTITIES, formulation=formulation, integrators=(method,))
+    request = ModelRequest(
+        SIMULATION_QUANTITIES, formulation=formulation, integrators=(method,), events=("auto",)
+    )
     model = build_library(structure, request, flags="native").load()
     state = np.concatenate([model.nominal("coordinate"), model.nominal("velocity")])
     motion = Motion(model, state, np.array([0.0, t_end]), watch=Watch(("cable", "ground", "stick")))

@@ -225,7 +225,9 @@ def compare() -> list[tuple[str, ...]]:
     measured = np.stack([data[name] for name in names], axis=1)
     counts = {"columns": 0, "differences": 0}
     parameters = problem.group.request.parameters
-    request = ModelRequest(SIMULATION_QUANTITIES, integrators=("rk853",), parameters=parameters)
+    request = ModelRequest(
+        SIMULATION_QUANTITIES, integrators=("rk853",), parameters=parameters, events=("auto",)
+    )
     plain = build_library(problem.structure, request, flags="native").load()
 
     def by_columns(x: FloatArray) -> tuple[FloatArray, FloatArray]:

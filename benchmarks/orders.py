@@ -62,7 +62,8 @@ def model_of(slack: bool) -> CompiledModel:
             "spring_constant": stiffness,
         }
     structure = assemble(parse_scene({**SCENE, "members": members}, where="net"))[0]
-    request = ModelRequest(SIMULATION_QUANTITIES, integrators=("rk4", "rk54", "rk853", "radau"))
+    integrators = ("rk4", "rk54", "rk853", "radau")
+    request = ModelRequest(SIMULATION_QUANTITIES, integrators=integrators, events=("auto",))
     return build_library(structure, request).load()
 
 

@@ -11,15 +11,15 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.tables.request import ModelRequest
+from tensegrity_codegen.tables.request import AUTO_EVENTS, ModelRequest
 
 ROOT = Path(__file__).resolve().parent.parent
 EXAMPLES = ROOT / "tensegrity_codegen" / "scene" / "examples"
 
 
 def load(subject: Structure | BodySystem, *quantities: str, **request: Any) -> CompiledModel:
-    """Return the library of these quantities; request: further fields of ModelRequest."""
-    return build_library(subject, ModelRequest(quantities, **request)).load()
+    """Return the library of these quantities; request: further fields, events are "auto" by default."""
+    return build_library(subject, ModelRequest(quantities, **{"events": AUTO_EVENTS, **request})).load()
 
 
 def simulator(

@@ -38,6 +38,8 @@ enum icosahedron_status {
       /* a result would not be finite, as where the two nodes of a member are at one place */
   ICOSAHEDRON_INVALID_ARGUMENT = 3, /* a step, a count, an index or a time is out of range */
   ICOSAHEDRON_NULL_POINTER = 4, /* a pointer that is needed is NULL */
+  ICOSAHEDRON_STEP_TOO_SMALL = 5, /* no step that the time can resolve meets the tolerance */
+  ICOSAHEDRON_UNSUPPORTED_MACHINE = 6, /* this machine lacks instructions that native code needs */
   ICOSAHEDRON_TOO_MANY_EVENTS = 7 /* too many events follow each other within a thousandth of a step */
 };
 
@@ -48,51 +50,98 @@ enum {
   ICOSAHEDRON_N_MEMBERS = 30,
   ICOSAHEDRON_N_AXES = 3,
   ICOSAHEDRON_N_COORDINATES = 36,
-  ICOSAHEDRON_N_STATES = 72
+  ICOSAHEDRON_N_STATES = 72,
+  ICOSAHEDRON_N_INPUTS = 0
 };
 
 /* Index of each node. */
 enum {
-  ICOSAHEDRON_NODE_n1 = 0, ICOSAHEDRON_NODE_n2 = 1, ICOSAHEDRON_NODE_n3 = 2,
-  ICOSAHEDRON_NODE_n4 = 3, ICOSAHEDRON_NODE_n5 = 4, ICOSAHEDRON_NODE_n6 = 5,
-  ICOSAHEDRON_NODE_n7 = 6, ICOSAHEDRON_NODE_n8 = 7, ICOSAHEDRON_NODE_n9 = 8,
-  ICOSAHEDRON_NODE_n10 = 9, ICOSAHEDRON_NODE_n11 = 10, ICOSAHEDRON_NODE_n12 = 11
+  ICOSAHEDRON_NODE_n1 = 0,
+  ICOSAHEDRON_NODE_n2 = 1,
+  ICOSAHEDRON_NODE_n3 = 2,
+  ICOSAHEDRON_NODE_n4 = 3,
+  ICOSAHEDRON_NODE_n5 = 4,
+  ICOSAHEDRON_NODE_n6 = 5,
+  ICOSAHEDRON_NODE_n7 = 6,
+  ICOSAHEDRON_NODE_n8 = 7,
+  ICOSAHEDRON_NODE_n9 = 8,
+  ICOSAHEDRON_NODE_n10 = 9,
+  ICOSAHEDRON_NODE_n11 = 10,
+  ICOSAHEDRON_NODE_n12 = 11
 };
 
 /* Index of each member. */
 enum {
-  ICOSAHEDRON_MEMBER_bar1 = 0, ICOSAHEDRON_MEMBER_bar2 = 1, ICOSAHEDRON_MEMBER_bar3 = 2,
-  ICOSAHEDRON_MEMBER_bar4 = 3, ICOSAHEDRON_MEMBER_bar5 = 4, ICOSAHEDRON_MEMBER_bar6 = 5,
-  ICOSAHEDRON_MEMBER_cable1 = 6, ICOSAHEDRON_MEMBER_cable2 = 7, ICOSAHEDRON_MEMBER_cable3 = 8,
-  ICOSAHEDRON_MEMBER_cable4 = 9, ICOSAHEDRON_MEMBER_cable5 = 10, ICOSAHEDRON_MEMBER_cable6 = 11,
-  ICOSAHEDRON_MEMBER_cable7 = 12, ICOSAHEDRON_MEMBER_cable8 = 13, ICOSAHEDRON_MEMBER_cable9 = 14,
-  ICOSAHEDRON_MEMBER_cable10 = 15, ICOSAHEDRON_MEMBER_cable11 = 16, ICOSAHEDRON_MEMBER_cable12 = 17,
-  ICOSAHEDRON_MEMBER_cable13 = 18, ICOSAHEDRON_MEMBER_cable14 = 19, ICOSAHEDRON_MEMBER_cable15 = 20,
-  ICOSAHEDRON_MEMBER_cable16 = 21, ICOSAHEDRON_MEMBER_cable17 = 22, ICOSAHEDRON_MEMBER_cable18 = 23,
-  ICOSAHEDRON_MEMBER_cable19 = 24, ICOSAHEDRON_MEMBER_cable20 = 25, ICOSAHEDRON_MEMBER_cable21 = 26,
-  ICOSAHEDRON_MEMBER_cable22 = 27, ICOSAHEDRON_MEMBER_cable23 = 28, ICOSAHEDRON_MEMBER_cable24 = 29
+  ICOSAHEDRON_MEMBER_bar1 = 0,
+  ICOSAHEDRON_MEMBER_bar2 = 1,
+  ICOSAHEDRON_MEMBER_bar3 = 2,
+  ICOSAHEDRON_MEMBER_bar4 = 3,
+  ICOSAHEDRON_MEMBER_bar5 = 4,
+  ICOSAHEDRON_MEMBER_bar6 = 5,
+  ICOSAHEDRON_MEMBER_cable1 = 6,
+  ICOSAHEDRON_MEMBER_cable2 = 7,
+  ICOSAHEDRON_MEMBER_cable3 = 8,
+  ICOSAHEDRON_MEMBER_cable4 = 9,
+  ICOSAHEDRON_MEMBER_cable5 = 10,
+  ICOSAHEDRON_MEMBER_cable6 = 11,
+  ICOSAHEDRON_MEMBER_cable7 = 12,
+  ICOSAHEDRON_MEMBER_cable8 = 13,
+  ICOSAHEDRON_MEMBER_cable9 = 14,
+  ICOSAHEDRON_MEMBER_cable10 = 15,
+  ICOSAHEDRON_MEMBER_cable11 = 16,
+  ICOSAHEDRON_MEMBER_cable12 = 17,
+  ICOSAHEDRON_MEMBER_cable13 = 18,
+  ICOSAHEDRON_MEMBER_cable14 = 19,
+  ICOSAHEDRON_MEMBER_cable15 = 20,
+  ICOSAHEDRON_MEMBER_cable16 = 21,
+  ICOSAHEDRON_MEMBER_cable17 = 22,
+  ICOSAHEDRON_MEMBER_cable18 = 23,
+  ICOSAHEDRON_MEMBER_cable19 = 24,
+  ICOSAHEDRON_MEMBER_cable20 = 25,
+  ICOSAHEDRON_MEMBER_cable21 = 26,
+  ICOSAHEDRON_MEMBER_cable22 = 27,
+  ICOSAHEDRON_MEMBER_cable23 = 28,
+  ICOSAHEDRON_MEMBER_cable24 = 29
 };
 
 /* Index of each coordinate. */
 enum {
-  ICOSAHEDRON_COORDINATE_n1_x = 0, ICOSAHEDRON_COORDINATE_n1_y = 1,
-  ICOSAHEDRON_COORDINATE_n1_z = 2, ICOSAHEDRON_COORDINATE_n2_x = 3,
-  ICOSAHEDRON_COORDINATE_n2_y = 4, ICOSAHEDRON_COORDINATE_n2_z = 5,
-  ICOSAHEDRON_COORDINATE_n3_x = 6, ICOSAHEDRON_COORDINATE_n3_y = 7,
-  ICOSAHEDRON_COORDINATE_n3_z = 8, ICOSAHEDRON_COORDINATE_n4_x = 9,
-  ICOSAHEDRON_COORDINATE_n4_y = 10, ICOSAHEDRON_COORDINATE_n4_z = 11,
-  ICOSAHEDRON_COORDINATE_n5_x = 12, ICOSAHEDRON_COORDINATE_n5_y = 13,
-  ICOSAHEDRON_COORDINATE_n5_z = 14, ICOSAHEDRON_COORDINATE_n6_x = 15,
-  ICOSAHEDRON_COORDINATE_n6_y = 16, ICOSAHEDRON_COORDINATE_n6_z = 17,
-  ICOSAHEDRON_COORDINATE_n7_x = 18, ICOSAHEDRON_COORDINATE_n7_y = 19,
-  ICOSAHEDRON_COORDINATE_n7_z = 20, ICOSAHEDRON_COORDINATE_n8_x = 21,
-  ICOSAHEDRON_COORDINATE_n8_y = 22, ICOSAHEDRON_COORDINATE_n8_z = 23,
-  ICOSAHEDRON_COORDINATE_n9_x = 24, ICOSAHEDRON_COORDINATE_n9_y = 25,
-  ICOSAHEDRON_COORDINATE_n9_z = 26, ICOSAHEDRON_COORDINATE_n10_x = 27,
-  ICOSAHEDRON_COORDINATE_n10_y = 28, ICOSAHEDRON_COORDINATE_n10_z = 29,
-  ICOSAHEDRON_COORDINATE_n11_x = 30, ICOSAHEDRON_COORDINATE_n11_y = 31,
-  ICOSAHEDRON_COORDINATE_n11_z = 32, ICOSAHEDRON_COORDINATE_n12_x = 33,
-  ICOSAHEDRON_COORDINATE_n12_y = 34, ICOSAHEDRON_COORDINATE_n12_z = 35
+  ICOSAHEDRON_COORDINATE_n1_x = 0,
+  ICOSAHEDRON_COORDINATE_n1_y = 1,
+  ICOSAHEDRON_COORDINATE_n1_z = 2,
+  ICOSAHEDRON_COORDINATE_n2_x = 3,
+  ICOSAHEDRON_COORDINATE_n2_y = 4,
+  ICOSAHEDRON_COORDINATE_n2_z = 5,
+  ICOSAHEDRON_COORDINATE_n3_x = 6,
+  ICOSAHEDRON_COORDINATE_n3_y = 7,
+  ICOSAHEDRON_COORDINATE_n3_z = 8,
+  ICOSAHEDRON_COORDINATE_n4_x = 9,
+  ICOSAHEDRON_COORDINATE_n4_y = 10,
+  ICOSAHEDRON_COORDINATE_n4_z = 11,
+  ICOSAHEDRON_COORDINATE_n5_x = 12,
+  ICOSAHEDRON_COORDINATE_n5_y = 13,
+  ICOSAHEDRON_COORDINATE_n5_z = 14,
+  ICOSAHEDRON_COORDINATE_n6_x = 15,
+  ICOSAHEDRON_COORDINATE_n6_y = 16,
+  ICOSAHEDRON_COORDINATE_n6_z = 17,
+  ICOSAHEDRON_COORDINATE_n7_x = 18,
+  ICOSAHEDRON_COORDINATE_n7_y = 19,
+  ICOSAHEDRON_COORDINATE_n7_z = 20,
+  ICOSAHEDRON_COORDINATE_n8_x = 21,
+  ICOSAHEDRON_COORDINATE_n8_y = 22,
+  ICOSAHEDRON_COORDINATE_n8_z = 23,
+  ICOSAHEDRON_COORDINATE_n9_x = 24,
+  ICOSAHEDRON_COORDINATE_n9_y = 25,
+  ICOSAHEDRON_COORDINATE_n9_z = 26,
+  ICOSAHEDRON_COORDINATE_n10_x = 27,
+  ICOSAHEDRON_COORDINATE_n10_y = 28,
+  ICOSAHEDRON_COORDINATE_n10_z = 29,
+  ICOSAHEDRON_COORDINATE_n11_x = 30,
+  ICOSAHEDRON_COORDINATE_n11_y = 31,
+  ICOSAHEDRON_COORDINATE_n11_z = 32,
+  ICOSAHEDRON_COORDINATE_n12_x = 33,
+  ICOSAHEDRON_COORDINATE_n12_y = 34,
+  ICOSAHEDRON_COORDINATE_n12_z = 35
 };
 
 /* What this library is; texts end in a zero byte. */
@@ -169,64 +218,6 @@ ICOSAHEDRON_API int icosahedron_compute_total_energy(
     const double velocity[36],
     double total_energy[1]);
 
-/* Margins of cables that go slack, min(l_e - rho_e, l_e - rho_e + c_e l_e' / mu_e): each pulls while its margin is
- * positive.
- *
- *   coordinate (36,) [m]: Free node coordinates, node by node.
- *   velocity (36,) [m/s]: Rates of the free node coordinates.
- *   returns cable_margin (24,) [m]
- *   552 operations. Source: S&K 2.
- */
-ICOSAHEDRON_API int icosahedron_compute_cable_margin(
-    const double coordinate[36],
-    const double velocity[36],
-    double cable_margin[24]);
-
-/* Kinds of events: a cable that goes slack or taut, two bars that touch or part, a condition of the caller. */
-enum {
-  ICOSAHEDRON_EVENT_CABLE = 1,
-  ICOSAHEDRON_EVENT_CONTACT = 2,
-  ICOSAHEDRON_EVENT_CONDITION = 4
-};
-
-/* One event. which: the member, the pair of bars or 0; direction: 1 where the margin rises through zero (taut,
- * apart, condition positive), -1 where it falls. */
-typedef struct {
-  double time;
-  int kind;
-  int which;
-  int direction;
-} icosahedron_event;
-
-/* How a run with error control goes; all zero before its first call. */
-typedef struct {
-  long long n_accepted;    /* accepted steps */
-  long long n_rejected;    /* rejected steps */
-  long long n_evaluations; /* of the accelerations */
-  int watch; /* sum of the kinds of events at which steps end; 0: none */
-  int stop;  /* sum of the kinds that end the run, just after the event */
-  double (*condition)(double time, const double *coordinate, const double *velocity, void *data);
-  void *condition_data;
-  icosahedron_event *event; /* (most_events,), NULL: not stored */
-  long long most_events;
-  long long n_events; /* number of events, also beyond most_events */
-  int is_stopped;     /* 1 where an event of `stop` has ended the last call */
-  int is_started; /* internal, from here on: kept between calls */
-  int may_grow;   /* whether the next step may be longer: no, right after a rejection */
-  int succession;    /* events one after the other, each within a thousandth of a step of the last one */
-  int crowd;         /* events one after the other, each within a step of the last one */
-  int n_stalled;     /* trials since `mark` */
-  double mark;       /* the last time that was a thousandth of a step behind the one before [s] */
-  double ahead;      /* time to the event that the last step ended just before [s]; 0: to none */
-  double pace;       /* length of the last step that no event cut [s] */
-  double leash;      /* longest step after many events [s]; 0: any */
-  double cut;        /* length at which the next step ends just before an event [s]; 0: at none */
-  double remaining;  /* time from that end to the event [s] */
-  double loudness;   /* factor of the rounding by which a margin must pass zero to count */
-  double last_event; /* [s] */
-  double reached; /* where the last call ended [s] */
-} icosahedron_run;
-
 /* Classical Runge-Kutta 4 with a fixed step, from step `first_step` on, and dense output by quintic Hermite
  * interpolation between steps. Time after step k is time_start + k * step.
  *
@@ -234,33 +225,19 @@ typedef struct {
  *   sample_time (n_samples,) [s]: ascending; sample_state (n_samples, 2 * 36) is filled for each
  *     sample time in the span of these steps, starting at index *n_sampled, which is advanced
  *   n_done: number of steps done by this call
- *   work: memory of 1104 doubles
+ *   work: memory of 468 doubles
  * Stops with ICOSAHEDRON_NON_FINITE_RESULT after the step before the first non-finite state.
- *
- * icosahedron_integrate_rk4_run divides steps at the events of run->watch: up to the event, past it, and on to the end
- * of the same step. Set `run` to zero before the first call, except for the event settings; with the same run, time,
- * state and work the next call continues. time [s]: time of the state, within the step first_step; advanced in place.
- * Where an event of run->stop ends a call, its step does not count as done: repeat the call with it.
  */
-enum { ICOSAHEDRON_RK4_WORK = 1104 };
+enum { ICOSAHEDRON_RK4_WORK = 468 };
 ICOSAHEDRON_API int icosahedron_integrate_rk4(
     double time_start, double step, long long first_step, long long n_steps,
     double state[72],
     long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
-    long long *n_done, double work[1104]);
-ICOSAHEDRON_API int icosahedron_integrate_rk4_run(
-    double time_start, double step, long long first_step, long long n_steps,
-    double *time, double state[72],
-    long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
-    long long *n_done, icosahedron_run *run, double work[1104]);
+    long long *n_done, double work[468]);
+
 
 #ifdef __cplusplus
 }
 #endif
-
-/* Sources.
- * S&K: S. I. Savin, R. R. Khusainov, "Sparse Node-Distance Coordinate Representation for Tensegrity Structures",
- * Russian Journal of Nonlinear Dynamics, 18 (5), 2022, pp. 885-898, doi:10.20537/nd221225.
- */
 
 #endif

@@ -38,6 +38,8 @@ enum pinned_prism_status {
       /* a result would not be finite, as where the two nodes of a member are at one place */
   PINNED_PRISM_INVALID_ARGUMENT = 3, /* a step, a count, an index or a time is out of range */
   PINNED_PRISM_NULL_POINTER = 4, /* a pointer that is needed is NULL */
+  PINNED_PRISM_STEP_TOO_SMALL = 5, /* no step that the time can resolve meets the tolerance */
+  PINNED_PRISM_UNSUPPORTED_MACHINE = 6, /* this machine lacks instructions that native code needs */
   PINNED_PRISM_TOO_MANY_EVENTS = 7 /* too many events follow each other within a thousandth of a step */
 };
 
@@ -54,32 +56,51 @@ enum {
 
 /* Index of each node. */
 enum {
-  PINNED_PRISM_NODE_base_b1 = 0, PINNED_PRISM_NODE_base_b2 = 1, PINNED_PRISM_NODE_base_b3 = 2,
-  PINNED_PRISM_NODE_bar1_A = 3, PINNED_PRISM_NODE_bar1_B = 4, PINNED_PRISM_NODE_bar2_A = 5,
-  PINNED_PRISM_NODE_bar2_B = 6, PINNED_PRISM_NODE_bar3_A = 7, PINNED_PRISM_NODE_bar3_B = 8
+  PINNED_PRISM_NODE_base_b1 = 0,
+  PINNED_PRISM_NODE_base_b2 = 1,
+  PINNED_PRISM_NODE_base_b3 = 2,
+  PINNED_PRISM_NODE_bar1_A = 3,
+  PINNED_PRISM_NODE_bar1_B = 4,
+  PINNED_PRISM_NODE_bar2_A = 5,
+  PINNED_PRISM_NODE_bar2_B = 6,
+  PINNED_PRISM_NODE_bar3_A = 7,
+  PINNED_PRISM_NODE_bar3_B = 8
 };
 
 /* Index of each member. */
 enum {
-  PINNED_PRISM_MEMBER_top1 = 0, PINNED_PRISM_MEMBER_top2 = 1,
-  PINNED_PRISM_MEMBER_top3 = 2, PINNED_PRISM_MEMBER_vertical1 = 3,
-  PINNED_PRISM_MEMBER_vertical2 = 4, PINNED_PRISM_MEMBER_vertical3 = 5,
-  PINNED_PRISM_MEMBER_opposite1 = 6, PINNED_PRISM_MEMBER_opposite2 = 7,
+  PINNED_PRISM_MEMBER_top1 = 0,
+  PINNED_PRISM_MEMBER_top2 = 1,
+  PINNED_PRISM_MEMBER_top3 = 2,
+  PINNED_PRISM_MEMBER_vertical1 = 3,
+  PINNED_PRISM_MEMBER_vertical2 = 4,
+  PINNED_PRISM_MEMBER_vertical3 = 5,
+  PINNED_PRISM_MEMBER_opposite1 = 6,
+  PINNED_PRISM_MEMBER_opposite2 = 7,
   PINNED_PRISM_MEMBER_opposite3 = 8
 };
 
 /* Index of each coordinate. */
 enum {
-  PINNED_PRISM_COORDINATE_bar1_declination = 0, PINNED_PRISM_COORDINATE_bar1_azimuth = 1,
-  PINNED_PRISM_COORDINATE_bar2_declination = 2, PINNED_PRISM_COORDINATE_bar2_azimuth = 3,
-  PINNED_PRISM_COORDINATE_bar3_declination = 4, PINNED_PRISM_COORDINATE_bar3_azimuth = 5
+  PINNED_PRISM_COORDINATE_bar1_declination = 0,
+  PINNED_PRISM_COORDINATE_bar1_azimuth = 1,
+  PINNED_PRISM_COORDINATE_bar2_declination = 2,
+  PINNED_PRISM_COORDINATE_bar2_azimuth = 3,
+  PINNED_PRISM_COORDINATE_bar3_declination = 4,
+  PINNED_PRISM_COORDINATE_bar3_azimuth = 5
 };
 
 /* Index of each input. */
 enum {
-  PINNED_PRISM_INPUT_t1 = 0, PINNED_PRISM_INPUT_t2 = 1, PINNED_PRISM_INPUT_t3 = 2,
-  PINNED_PRISM_INPUT_v1 = 3, PINNED_PRISM_INPUT_v2 = 4, PINNED_PRISM_INPUT_v3 = 5,
-  PINNED_PRISM_INPUT_o1 = 6, PINNED_PRISM_INPUT_o2 = 7, PINNED_PRISM_INPUT_o3 = 8
+  PINNED_PRISM_INPUT_t1 = 0,
+  PINNED_PRISM_INPUT_t2 = 1,
+  PINNED_PRISM_INPUT_t3 = 2,
+  PINNED_PRISM_INPUT_v1 = 3,
+  PINNED_PRISM_INPUT_v2 = 4,
+  PINNED_PRISM_INPUT_v3 = 5,
+  PINNED_PRISM_INPUT_o1 = 6,
+  PINNED_PRISM_INPUT_o2 = 7,
+  PINNED_PRISM_INPUT_o3 = 8
 };
 
 /* What this library is; texts end in a zero byte. */
@@ -113,6 +134,7 @@ PINNED_PRISM_API const char *pinned_prism_missing_instruction_set(int k);
 /* "instruction sets:" and the names of those that the library needs beyond the baseline of its architecture. */
 extern PINNED_PRISM_API const char pinned_prism_instruction_sets[];
 
+
 /* The scene's own values of the arguments, in the units below. */
 extern PINNED_PRISM_API const double pinned_prism_nominal_coordinate[6];
 extern PINNED_PRISM_API const double pinned_prism_nominal_velocity[6];
@@ -128,7 +150,7 @@ PINNED_PRISM_API int pinned_prism_compute_member_length(
     const double coordinate[6],
     double member_length[9]);
 
-/* Member tensions t_e = mu_e (l_e - rho_e), positive in tension; zero in slack cables.
+/* Member tensions t_e = mu_e (l_e - rho_e) + c_e l_e', positive in tension; zero in slack cables.
  *
  *   coordinate (6,) [m, rad]: Positions and angles of the bodies, body by body.
  *   input (9,) [m, N or N m]: Rest-length changes, forces and torques of the actuated inputs.
@@ -154,38 +176,11 @@ PINNED_PRISM_API int pinned_prism_compute_acceleration(
     const double input[9],
     double acceleration[6]);
 
-/* Margins of cables that go slack, l_e - rho_e: each pulls while its margin is positive.
- *
- *   coordinate (6,) [m, rad]: Positions and angles of the bodies, body by body.
- *   input (9,) [m, N or N m]: Rest-length changes, forces and torques of the actuated inputs.
- *   returns cable_margin (9,) [m]
- *   125 operations. Source: S&K 2.
- */
-PINNED_PRISM_API int pinned_prism_compute_cable_margin(
-    const double coordinate[6],
-    const double input[9],
-    double cable_margin[9]);
 
 /* Where each argument begins among the numbers that can change with time. */
 enum {
   PINNED_PRISM_PLACE_INPUT = 0
 };
-
-/* Kinds of events: a cable that goes slack or taut, two bars that touch or part, a condition of the caller. */
-enum {
-  PINNED_PRISM_EVENT_CABLE = 1,
-  PINNED_PRISM_EVENT_CONTACT = 2,
-  PINNED_PRISM_EVENT_CONDITION = 4
-};
-
-/* One event. which: the member, the pair of bars or 0; direction: 1 where the margin rises through zero (taut,
- * apart, condition positive), -1 where it falls. */
-typedef struct {
-  double time;
-  int kind;
-  int which;
-  int direction;
-} pinned_prism_event;
 
 /* Arguments that change with time: polynomials of time, piece by piece. On piece k, from time[k] to time[k + 1],
  * number place[j] is the sum over i of coefficient[(k * (degree + 1) + i) * n_values + j] * (t - time[k])^i. */
@@ -204,28 +199,9 @@ typedef struct {
   long long n_accepted;    /* accepted steps */
   long long n_rejected;    /* rejected steps */
   long long n_evaluations; /* of the accelerations */
-  int watch; /* sum of the kinds of events at which steps end; 0: none */
-  int stop;  /* sum of the kinds that end the run, just after the event */
-  double (*condition)(double time, const double *coordinate, const double *velocity, void *data);
-  void *condition_data;
-  pinned_prism_event *event; /* (most_events,), NULL: not stored */
-  long long most_events;
-  long long n_events; /* number of events, also beyond most_events */
-  int is_stopped;     /* 1 where an event of `stop` has ended the last call */
   const pinned_prism_profile *profile; /* arguments that change with time; steps end at its kinks; NULL: none */
   int is_started; /* internal, from here on: kept between calls */
   int may_grow;   /* whether the next step may be longer: no, right after a rejection */
-  int succession;    /* events one after the other, each within a thousandth of a step of the last one */
-  int crowd;         /* events one after the other, each within a step of the last one */
-  int n_stalled;     /* trials since `mark` */
-  double mark;       /* the last time that was a thousandth of a step behind the one before [s] */
-  double ahead;      /* time to the event that the last step ended just before [s]; 0: to none */
-  double pace;       /* length of the last step that no event cut [s] */
-  double leash;      /* longest step after many events [s]; 0: any */
-  double cut;        /* length at which the next step ends just before an event [s]; 0: at none */
-  double remaining;  /* time from that end to the event [s] */
-  double loudness;   /* factor of the rounding by which a margin must pass zero to count */
-  double last_event; /* [s] */
   double reached; /* where the last call ended [s] */
 } pinned_prism_run;
 
@@ -237,37 +213,32 @@ typedef struct {
  *   sample_time (n_samples,) [s]: ascending; sample_state (n_samples, 2 * 6) is filled for each
  *     sample time in the span of these steps, starting at index *n_sampled, which is advanced
  *   n_done: number of steps done by this call
- *   work: memory of 258 doubles
+ *   work: memory of 135 doubles
  * Stops with PINNED_PRISM_NON_FINITE_RESULT after the step before the first non-finite state.
  *
- * pinned_prism_integrate_rk4_run divides steps at the events of run->watch: up to the event, past it, and on to the end
- * of the same step. Set `run` to zero before the first call, except for the event settings; with the same run, time,
- * state and work the next call continues. time [s]: time of the state, within the step first_step; advanced in place.
- * Where an event of run->stop ends a call, its step does not count as done: repeat the call with it.
- *
- * pinned_prism_integrate_rk4_run also divides steps at the kinks of run->profile.
+ * pinned_prism_integrate_rk4_run lets arguments change with time as run->profile says, and divides steps at its kinks:
+ * up to the
+ * kink, and on to the end of the same step. Set `run` to zero before the first call, except for the profile; with the
+ * same run, time, state and work the next call continues. time [s]: time of the state, within the step first_step;
+ * advanced in place.
  */
-enum { PINNED_PRISM_RK4_WORK = 258 };
+enum { PINNED_PRISM_RK4_WORK = 135 };
 PINNED_PRISM_API int pinned_prism_integrate_rk4(
     double time_start, double step, long long first_step, long long n_steps,
     double state[12],
     const double input[9],
     long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
-    long long *n_done, double work[258]);
+    long long *n_done, double work[135]);
 PINNED_PRISM_API int pinned_prism_integrate_rk4_run(
     double time_start, double step, long long first_step, long long n_steps,
     double *time, double state[12],
     const double input[9],
     long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
-    long long *n_done, pinned_prism_run *run, double work[258]);
+    long long *n_done, pinned_prism_run *run, double work[135]);
+
 
 #ifdef __cplusplus
 }
 #endif
-
-/* Sources.
- * S&K: S. I. Savin, R. R. Khusainov, "Sparse Node-Distance Coordinate Representation for Tensegrity Structures",
- * Russian Journal of Nonlinear Dynamics, 18 (5), 2022, pp. 885-898, doi:10.20537/nd221225.
- */
 
 #endif

@@ -37,6 +37,8 @@ enum planar_status {
   PLANAR_NON_FINITE_RESULT = 2, /* a result would not be finite, as where the two nodes of a member are at one place */
   PLANAR_INVALID_ARGUMENT = 3, /* a step, a count, an index or a time is out of range */
   PLANAR_NULL_POINTER = 4, /* a pointer that is needed is NULL */
+  PLANAR_STEP_TOO_SMALL = 5, /* no step that the time can resolve meets the tolerance */
+  PLANAR_UNSUPPORTED_MACHINE = 6, /* this machine lacks instructions that native code needs */
   PLANAR_TOO_MANY_EVENTS = 7 /* too many events follow each other within a thousandth of a step */
 };
 
@@ -47,24 +49,35 @@ enum {
   PLANAR_N_MEMBERS = 6,
   PLANAR_N_AXES = 2,
   PLANAR_N_COORDINATES = 5,
-  PLANAR_N_STATES = 10
+  PLANAR_N_STATES = 10,
+  PLANAR_N_INPUTS = 0
 };
 
 /* Index of each node. */
 enum {
-  PLANAR_NODE_a = 0, PLANAR_NODE_b = 1, PLANAR_NODE_c = 2, PLANAR_NODE_d = 3
+  PLANAR_NODE_a = 0,
+  PLANAR_NODE_b = 1,
+  PLANAR_NODE_c = 2,
+  PLANAR_NODE_d = 3
 };
 
 /* Index of each member. */
 enum {
-  PLANAR_MEMBER_ac = 0, PLANAR_MEMBER_bd = 1, PLANAR_MEMBER_bottom = 2, PLANAR_MEMBER_top = 3,
-  PLANAR_MEMBER_left = 4, PLANAR_MEMBER_right = 5
+  PLANAR_MEMBER_ac = 0,
+  PLANAR_MEMBER_bd = 1,
+  PLANAR_MEMBER_bottom = 2,
+  PLANAR_MEMBER_top = 3,
+  PLANAR_MEMBER_left = 4,
+  PLANAR_MEMBER_right = 5
 };
 
 /* Index of each coordinate. */
 enum {
-  PLANAR_COORDINATE_b_x = 0, PLANAR_COORDINATE_c_x = 1, PLANAR_COORDINATE_c_z = 2,
-  PLANAR_COORDINATE_d_x = 3, PLANAR_COORDINATE_d_z = 4
+  PLANAR_COORDINATE_b_x = 0,
+  PLANAR_COORDINATE_c_x = 1,
+  PLANAR_COORDINATE_c_z = 2,
+  PLANAR_COORDINATE_d_x = 3,
+  PLANAR_COORDINATE_d_z = 4
 };
 
 /* What this library is; texts end in a zero byte. */
@@ -140,64 +153,6 @@ PLANAR_API int planar_compute_total_energy(
     const double velocity[5],
     double total_energy[1]);
 
-/* Margins of cables that go slack, min(l_e - rho_e, l_e - rho_e + c_e l_e' / mu_e): each pulls while its margin is
- * positive.
- *
- *   coordinate (5,) [m]: Free node coordinates, node by node.
- *   velocity (5,) [m/s]: Rates of the free node coordinates.
- *   returns cable_margin (4,) [m]
- *   33 operations. Source: S&K 2.
- */
-PLANAR_API int planar_compute_cable_margin(
-    const double coordinate[5],
-    const double velocity[5],
-    double cable_margin[4]);
-
-/* Kinds of events: a cable that goes slack or taut, two bars that touch or part, a condition of the caller. */
-enum {
-  PLANAR_EVENT_CABLE = 1,
-  PLANAR_EVENT_CONTACT = 2,
-  PLANAR_EVENT_CONDITION = 4
-};
-
-/* One event. which: the member, the pair of bars or 0; direction: 1 where the margin rises through zero (taut,
- * apart, condition positive), -1 where it falls. */
-typedef struct {
-  double time;
-  int kind;
-  int which;
-  int direction;
-} planar_event;
-
-/* How a run with error control goes; all zero before its first call. */
-typedef struct {
-  long long n_accepted;    /* accepted steps */
-  long long n_rejected;    /* rejected steps */
-  long long n_evaluations; /* of the accelerations */
-  int watch; /* sum of the kinds of events at which steps end; 0: none */
-  int stop;  /* sum of the kinds that end the run, just after the event */
-  double (*condition)(double time, const double *coordinate, const double *velocity, void *data);
-  void *condition_data;
-  planar_event *event; /* (most_events,), NULL: not stored */
-  long long most_events;
-  long long n_events; /* number of events, also beyond most_events */
-  int is_stopped;     /* 1 where an event of `stop` has ended the last call */
-  int is_started; /* internal, from here on: kept between calls */
-  int may_grow;   /* whether the next step may be longer: no, right after a rejection */
-  int succession;    /* events one after the other, each within a thousandth of a step of the last one */
-  int crowd;         /* events one after the other, each within a step of the last one */
-  int n_stalled;     /* trials since `mark` */
-  double mark;       /* the last time that was a thousandth of a step behind the one before [s] */
-  double ahead;      /* time to the event that the last step ended just before [s]; 0: to none */
-  double pace;       /* length of the last step that no event cut [s] */
-  double leash;      /* longest step after many events [s]; 0: any */
-  double cut;        /* length at which the next step ends just before an event [s]; 0: at none */
-  double remaining;  /* time from that end to the event [s] */
-  double loudness;   /* factor of the rounding by which a margin must pass zero to count */
-  double last_event; /* [s] */
-  double reached; /* where the last call ended [s] */
-} planar_run;
-
 /* Classical Runge-Kutta 4 with a fixed step, from step `first_step` on, and dense output by quintic Hermite
  * interpolation between steps. Time after step k is time_start + k * step.
  *
@@ -205,33 +160,19 @@ typedef struct {
  *   sample_time (n_samples,) [s]: ascending; sample_state (n_samples, 2 * 5) is filled for each
  *     sample time in the span of these steps, starting at index *n_sampled, which is advanced
  *   n_done: number of steps done by this call
- *   work: memory of 171 doubles
+ *   work: memory of 65 doubles
  * Stops with PLANAR_NON_FINITE_RESULT after the step before the first non-finite state.
- *
- * planar_integrate_rk4_run divides steps at the events of run->watch: up to the event, past it, and on to the end
- * of the same step. Set `run` to zero before the first call, except for the event settings; with the same run, time,
- * state and work the next call continues. time [s]: time of the state, within the step first_step; advanced in place.
- * Where an event of run->stop ends a call, its step does not count as done: repeat the call with it.
  */
-enum { PLANAR_RK4_WORK = 171 };
+enum { PLANAR_RK4_WORK = 65 };
 PLANAR_API int planar_integrate_rk4(
     double time_start, double step, long long first_step, long long n_steps,
     double state[10],
     long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
-    long long *n_done, double work[171]);
-PLANAR_API int planar_integrate_rk4_run(
-    double time_start, double step, long long first_step, long long n_steps,
-    double *time, double state[10],
-    long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
-    long long *n_done, planar_run *run, double work[171]);
+    long long *n_done, double work[65]);
+
 
 #ifdef __cplusplus
 }
 #endif
-
-/* Sources.
- * S&K: S. I. Savin, R. R. Khusainov, "Sparse Node-Distance Coordinate Representation for Tensegrity Structures",
- * Russian Journal of Nonlinear Dynamics, 18 (5), 2022, pp. 885-898, doi:10.20537/nd221225.
- */
 
 #endif

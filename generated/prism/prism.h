@@ -37,6 +37,8 @@ enum prism_status {
   PRISM_NON_FINITE_RESULT = 2, /* a result would not be finite, as where the two nodes of a member are at one place */
   PRISM_INVALID_ARGUMENT = 3, /* a step, a count, an index or a time is out of range */
   PRISM_NULL_POINTER = 4, /* a pointer that is needed is NULL */
+  PRISM_STEP_TOO_SMALL = 5, /* no step that the time can resolve meets the tolerance */
+  PRISM_UNSUPPORTED_MACHINE = 6, /* this machine lacks instructions that native code needs */
   PRISM_TOO_MANY_EVENTS = 7 /* too many events follow each other within a thousandth of a step */
 };
 
@@ -47,30 +49,53 @@ enum {
   PRISM_N_MEMBERS = 12,
   PRISM_N_AXES = 3,
   PRISM_N_COORDINATES = 15,
-  PRISM_N_STATES = 30
+  PRISM_N_STATES = 30,
+  PRISM_N_INPUTS = 0
 };
 
 /* Index of each node. */
 enum {
-  PRISM_NODE_b1 = 0, PRISM_NODE_b2 = 1, PRISM_NODE_b3 = 2, PRISM_NODE_t1 = 3, PRISM_NODE_t2 = 4,
+  PRISM_NODE_b1 = 0,
+  PRISM_NODE_b2 = 1,
+  PRISM_NODE_b3 = 2,
+  PRISM_NODE_t1 = 3,
+  PRISM_NODE_t2 = 4,
   PRISM_NODE_t3 = 5
 };
 
 /* Index of each member. */
 enum {
-  PRISM_MEMBER_bar1 = 0, PRISM_MEMBER_bar2 = 1, PRISM_MEMBER_bar3 = 2,
-  PRISM_MEMBER_bottom1 = 3, PRISM_MEMBER_bottom2 = 4, PRISM_MEMBER_bottom3 = 5,
-  PRISM_MEMBER_top1 = 6, PRISM_MEMBER_top2 = 7, PRISM_MEMBER_top3 = 8,
-  PRISM_MEMBER_vertical1 = 9, PRISM_MEMBER_vertical2 = 10, PRISM_MEMBER_vertical3 = 11
+  PRISM_MEMBER_bar1 = 0,
+  PRISM_MEMBER_bar2 = 1,
+  PRISM_MEMBER_bar3 = 2,
+  PRISM_MEMBER_bottom1 = 3,
+  PRISM_MEMBER_bottom2 = 4,
+  PRISM_MEMBER_bottom3 = 5,
+  PRISM_MEMBER_top1 = 6,
+  PRISM_MEMBER_top2 = 7,
+  PRISM_MEMBER_top3 = 8,
+  PRISM_MEMBER_vertical1 = 9,
+  PRISM_MEMBER_vertical2 = 10,
+  PRISM_MEMBER_vertical3 = 11
 };
 
 /* Index of each coordinate. */
 enum {
-  PRISM_COORDINATE_b1_x = 0, PRISM_COORDINATE_b1_y = 1, PRISM_COORDINATE_b2_x = 2,
-  PRISM_COORDINATE_b2_y = 3, PRISM_COORDINATE_b3_x = 4, PRISM_COORDINATE_b3_y = 5,
-  PRISM_COORDINATE_t1_x = 6, PRISM_COORDINATE_t1_y = 7, PRISM_COORDINATE_t1_z = 8,
-  PRISM_COORDINATE_t2_x = 9, PRISM_COORDINATE_t2_y = 10, PRISM_COORDINATE_t2_z = 11,
-  PRISM_COORDINATE_t3_x = 12, PRISM_COORDINATE_t3_y = 13, PRISM_COORDINATE_t3_z = 14
+  PRISM_COORDINATE_b1_x = 0,
+  PRISM_COORDINATE_b1_y = 1,
+  PRISM_COORDINATE_b2_x = 2,
+  PRISM_COORDINATE_b2_y = 3,
+  PRISM_COORDINATE_b3_x = 4,
+  PRISM_COORDINATE_b3_y = 5,
+  PRISM_COORDINATE_t1_x = 6,
+  PRISM_COORDINATE_t1_y = 7,
+  PRISM_COORDINATE_t1_z = 8,
+  PRISM_COORDINATE_t2_x = 9,
+  PRISM_COORDINATE_t2_y = 10,
+  PRISM_COORDINATE_t2_z = 11,
+  PRISM_COORDINATE_t3_x = 12,
+  PRISM_COORDINATE_t3_y = 13,
+  PRISM_COORDINATE_t3_z = 14
 };
 
 /* What this library is; texts end in a zero byte. */
@@ -120,7 +145,7 @@ PRISM_API int prism_compute_member_length(
     const double coordinate[15],
     double member_length[12]);
 
-/* Member tensions t_e = mu_e (l_e - rho_e), positive in tension; zero in slack cables.
+/* Member tensions t_e = mu_e (l_e - rho_e) + c_e l_e', positive in tension; zero in slack cables.
  *
  *   coordinate (15,) [m]: Free node coordinates, node by node.
  *   returns member_tension (12,) [N]
@@ -130,7 +155,7 @@ PRISM_API int prism_compute_member_tension(
     const double coordinate[15],
     double member_tension[12]);
 
-/* Static force on every free coordinate; zero in equilibrium.
+/* Static force (no damping) on every free coordinate; zero in equilibrium.
  *
  *   coordinate (15,) [m]: Free node coordinates, node by node.
  *   returns node_residual (15,) [N]
@@ -188,61 +213,6 @@ PRISM_API int prism_compute_acceleration(
     const double coordinate[15],
     double acceleration[15]);
 
-/* Margins of cables that go slack, l_e - rho_e: each pulls while its margin is positive.
- *
- *   coordinate (15,) [m]: Free node coordinates, node by node.
- *   returns cable_margin (9,) [m]
- *   87 operations. Source: S&K 2.
- */
-PRISM_API int prism_compute_cable_margin(
-    const double coordinate[15],
-    double cable_margin[9]);
-
-/* Kinds of events: a cable that goes slack or taut, two bars that touch or part, a condition of the caller. */
-enum {
-  PRISM_EVENT_CABLE = 1,
-  PRISM_EVENT_CONTACT = 2,
-  PRISM_EVENT_CONDITION = 4
-};
-
-/* One event. which: the member, the pair of bars or 0; direction: 1 where the margin rises through zero (taut,
- * apart, condition positive), -1 where it falls. */
-typedef struct {
-  double time;
-  int kind;
-  int which;
-  int direction;
-} prism_event;
-
-/* How a run with error control goes; all zero before its first call. */
-typedef struct {
-  long long n_accepted;    /* accepted steps */
-  long long n_rejected;    /* rejected steps */
-  long long n_evaluations; /* of the accelerations */
-  int watch; /* sum of the kinds of events at which steps end; 0: none */
-  int stop;  /* sum of the kinds that end the run, just after the event */
-  double (*condition)(double time, const double *coordinate, const double *velocity, void *data);
-  void *condition_data;
-  prism_event *event; /* (most_events,), NULL: not stored */
-  long long most_events;
-  long long n_events; /* number of events, also beyond most_events */
-  int is_stopped;     /* 1 where an event of `stop` has ended the last call */
-  int is_started; /* internal, from here on: kept between calls */
-  int may_grow;   /* whether the next step may be longer: no, right after a rejection */
-  int succession;    /* events one after the other, each within a thousandth of a step of the last one */
-  int crowd;         /* events one after the other, each within a step of the last one */
-  int n_stalled;     /* trials since `mark` */
-  double mark;       /* the last time that was a thousandth of a step behind the one before [s] */
-  double ahead;      /* time to the event that the last step ended just before [s]; 0: to none */
-  double pace;       /* length of the last step that no event cut [s] */
-  double leash;      /* longest step after many events [s]; 0: any */
-  double cut;        /* length at which the next step ends just before an event [s]; 0: at none */
-  double remaining;  /* time from that end to the event [s] */
-  double loudness;   /* factor of the rounding by which a margin must pass zero to count */
-  double last_event; /* [s] */
-  double reached; /* where the last call ended [s] */
-} prism_run;
-
 /* Classical Runge-Kutta 4 with a fixed step, from step `first_step` on, and dense output by quintic Hermite
  * interpolation between steps. Time after step k is time_start + k * step.
  *
@@ -250,33 +220,19 @@ typedef struct {
  *   sample_time (n_samples,) [s]: ascending; sample_state (n_samples, 2 * 15) is filled for each
  *     sample time in the span of these steps, starting at index *n_sampled, which is advanced
  *   n_done: number of steps done by this call
- *   work: memory of 456 doubles
+ *   work: memory of 195 doubles
  * Stops with PRISM_NON_FINITE_RESULT after the step before the first non-finite state.
- *
- * prism_integrate_rk4_run divides steps at the events of run->watch: up to the event, past it, and on to the end
- * of the same step. Set `run` to zero before the first call, except for the event settings; with the same run, time,
- * state and work the next call continues. time [s]: time of the state, within the step first_step; advanced in place.
- * Where an event of run->stop ends a call, its step does not count as done: repeat the call with it.
  */
-enum { PRISM_RK4_WORK = 456 };
+enum { PRISM_RK4_WORK = 195 };
 PRISM_API int prism_integrate_rk4(
     double time_start, double step, long long first_step, long long n_steps,
     double state[30],
     long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
-    long long *n_done, double work[456]);
-PRISM_API int prism_integrate_rk4_run(
-    double time_start, double step, long long first_step, long long n_steps,
-    double *time, double state[30],
-    long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
-    long long *n_done, prism_run *run, double work[456]);
+    long long *n_done, double work[195]);
+
 
 #ifdef __cplusplus
 }
 #endif
-
-/* Sources.
- * S&K: S. I. Savin, R. R. Khusainov, "Sparse Node-Distance Coordinate Representation for Tensegrity Structures",
- * Russian Journal of Nonlinear Dynamics, 18 (5), 2022, pp. 885-898, doi:10.20537/nd221225.
- */
 
 #endif

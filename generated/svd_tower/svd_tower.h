@@ -38,6 +38,8 @@ enum svd_tower_status {
       /* a result would not be finite, as where the two nodes of a member are at one place */
   SVD_TOWER_INVALID_ARGUMENT = 3, /* a step, a count, an index or a time is out of range */
   SVD_TOWER_NULL_POINTER = 4, /* a pointer that is needed is NULL */
+  SVD_TOWER_STEP_TOO_SMALL = 5, /* no step that the time can resolve meets the tolerance */
+  SVD_TOWER_UNSUPPORTED_MACHINE = 6, /* this machine lacks instructions that native code needs */
   SVD_TOWER_TOO_MANY_EVENTS = 7 /* too many events follow each other within a thousandth of a step */
 };
 
@@ -54,42 +56,79 @@ enum {
 
 /* Index of each node. */
 enum {
-  SVD_TOWER_NODE_base_A11 = 0, SVD_TOWER_NODE_base_A21 = 1, SVD_TOWER_NODE_base_A31 = 2,
-  SVD_TOWER_NODE_bar11_A = 3, SVD_TOWER_NODE_bar11_B = 4, SVD_TOWER_NODE_bar21_A = 5,
-  SVD_TOWER_NODE_bar21_B = 6, SVD_TOWER_NODE_bar31_A = 7, SVD_TOWER_NODE_bar31_B = 8,
-  SVD_TOWER_NODE_bar12_A = 9, SVD_TOWER_NODE_bar12_B = 10, SVD_TOWER_NODE_bar22_A = 11,
-  SVD_TOWER_NODE_bar22_B = 12, SVD_TOWER_NODE_bar32_A = 13, SVD_TOWER_NODE_bar32_B = 14,
-  SVD_TOWER_NODE_top_B12 = 15, SVD_TOWER_NODE_top_B22 = 16, SVD_TOWER_NODE_top_B32 = 17,
+  SVD_TOWER_NODE_base_A11 = 0,
+  SVD_TOWER_NODE_base_A21 = 1,
+  SVD_TOWER_NODE_base_A31 = 2,
+  SVD_TOWER_NODE_bar11_A = 3,
+  SVD_TOWER_NODE_bar11_B = 4,
+  SVD_TOWER_NODE_bar21_A = 5,
+  SVD_TOWER_NODE_bar21_B = 6,
+  SVD_TOWER_NODE_bar31_A = 7,
+  SVD_TOWER_NODE_bar31_B = 8,
+  SVD_TOWER_NODE_bar12_A = 9,
+  SVD_TOWER_NODE_bar12_B = 10,
+  SVD_TOWER_NODE_bar22_A = 11,
+  SVD_TOWER_NODE_bar22_B = 12,
+  SVD_TOWER_NODE_bar32_A = 13,
+  SVD_TOWER_NODE_bar32_B = 14,
+  SVD_TOWER_NODE_top_B12 = 15,
+  SVD_TOWER_NODE_top_B22 = 16,
+  SVD_TOWER_NODE_top_B32 = 17,
   SVD_TOWER_NODE_top_centre = 18
 };
 
 /* Index of each member. */
 enum {
-  SVD_TOWER_MEMBER_saddle1 = 0, SVD_TOWER_MEMBER_saddle2 = 1, SVD_TOWER_MEMBER_saddle3 = 2,
-  SVD_TOWER_MEMBER_saddle4 = 3, SVD_TOWER_MEMBER_saddle5 = 4, SVD_TOWER_MEMBER_saddle6 = 5,
-  SVD_TOWER_MEMBER_vertical1 = 6, SVD_TOWER_MEMBER_vertical2 = 7, SVD_TOWER_MEMBER_vertical3 = 8,
-  SVD_TOWER_MEMBER_vertical4 = 9, SVD_TOWER_MEMBER_vertical5 = 10, SVD_TOWER_MEMBER_vertical6 = 11,
-  SVD_TOWER_MEMBER_diagonal1 = 12, SVD_TOWER_MEMBER_diagonal2 = 13, SVD_TOWER_MEMBER_diagonal3 = 14,
-  SVD_TOWER_MEMBER_diagonal4 = 15, SVD_TOWER_MEMBER_diagonal5 = 16, SVD_TOWER_MEMBER_diagonal6 = 17
+  SVD_TOWER_MEMBER_saddle1 = 0,
+  SVD_TOWER_MEMBER_saddle2 = 1,
+  SVD_TOWER_MEMBER_saddle3 = 2,
+  SVD_TOWER_MEMBER_saddle4 = 3,
+  SVD_TOWER_MEMBER_saddle5 = 4,
+  SVD_TOWER_MEMBER_saddle6 = 5,
+  SVD_TOWER_MEMBER_vertical1 = 6,
+  SVD_TOWER_MEMBER_vertical2 = 7,
+  SVD_TOWER_MEMBER_vertical3 = 8,
+  SVD_TOWER_MEMBER_vertical4 = 9,
+  SVD_TOWER_MEMBER_vertical5 = 10,
+  SVD_TOWER_MEMBER_vertical6 = 11,
+  SVD_TOWER_MEMBER_diagonal1 = 12,
+  SVD_TOWER_MEMBER_diagonal2 = 13,
+  SVD_TOWER_MEMBER_diagonal3 = 14,
+  SVD_TOWER_MEMBER_diagonal4 = 15,
+  SVD_TOWER_MEMBER_diagonal5 = 16,
+  SVD_TOWER_MEMBER_diagonal6 = 17
 };
 
 /* Index of each coordinate. */
 enum {
-  SVD_TOWER_COORDINATE_bar11_declination = 0, SVD_TOWER_COORDINATE_bar11_azimuth = 1,
-  SVD_TOWER_COORDINATE_bar21_declination = 2, SVD_TOWER_COORDINATE_bar21_azimuth = 3,
-  SVD_TOWER_COORDINATE_bar31_declination = 4, SVD_TOWER_COORDINATE_bar31_azimuth = 5,
-  SVD_TOWER_COORDINATE_bar12_declination = 6, SVD_TOWER_COORDINATE_bar12_azimuth = 7,
-  SVD_TOWER_COORDINATE_bar22_declination = 8, SVD_TOWER_COORDINATE_bar22_azimuth = 9,
-  SVD_TOWER_COORDINATE_bar32_declination = 10, SVD_TOWER_COORDINATE_bar32_azimuth = 11,
-  SVD_TOWER_COORDINATE_top_psi = 12, SVD_TOWER_COORDINATE_top_phi = 13,
-  SVD_TOWER_COORDINATE_top_theta = 14, SVD_TOWER_COORDINATE_top_x = 15,
-  SVD_TOWER_COORDINATE_top_y = 16, SVD_TOWER_COORDINATE_top_z = 17
+  SVD_TOWER_COORDINATE_bar11_declination = 0,
+  SVD_TOWER_COORDINATE_bar11_azimuth = 1,
+  SVD_TOWER_COORDINATE_bar21_declination = 2,
+  SVD_TOWER_COORDINATE_bar21_azimuth = 3,
+  SVD_TOWER_COORDINATE_bar31_declination = 4,
+  SVD_TOWER_COORDINATE_bar31_azimuth = 5,
+  SVD_TOWER_COORDINATE_bar12_declination = 6,
+  SVD_TOWER_COORDINATE_bar12_azimuth = 7,
+  SVD_TOWER_COORDINATE_bar22_declination = 8,
+  SVD_TOWER_COORDINATE_bar22_azimuth = 9,
+  SVD_TOWER_COORDINATE_bar32_declination = 10,
+  SVD_TOWER_COORDINATE_bar32_azimuth = 11,
+  SVD_TOWER_COORDINATE_top_psi = 12,
+  SVD_TOWER_COORDINATE_top_phi = 13,
+  SVD_TOWER_COORDINATE_top_theta = 14,
+  SVD_TOWER_COORDINATE_top_x = 15,
+  SVD_TOWER_COORDINATE_top_y = 16,
+  SVD_TOWER_COORDINATE_top_z = 17
 };
 
 /* Index of each input. */
 enum {
-  SVD_TOWER_INPUT_M1 = 0, SVD_TOWER_INPUT_M2 = 1, SVD_TOWER_INPUT_M3 = 2, SVD_TOWER_INPUT_F1 = 3,
-  SVD_TOWER_INPUT_F2 = 4, SVD_TOWER_INPUT_F3 = 5
+  SVD_TOWER_INPUT_M1 = 0,
+  SVD_TOWER_INPUT_M2 = 1,
+  SVD_TOWER_INPUT_M3 = 2,
+  SVD_TOWER_INPUT_F1 = 3,
+  SVD_TOWER_INPUT_F2 = 4,
+  SVD_TOWER_INPUT_F3 = 5
 };
 
 /* What this library is; texts end in a zero byte. */
@@ -122,6 +161,7 @@ SVD_TOWER_API const char *svd_tower_missing_instruction_set(int k);
 /* "instruction sets:" and the names of those that the library needs beyond the baseline of its architecture. */
 extern SVD_TOWER_API const char svd_tower_instruction_sets[];
 
+
 /* The scene's own values of the arguments, in the units below. */
 extern SVD_TOWER_API const double svd_tower_nominal_coordinate[18];
 extern SVD_TOWER_API const double svd_tower_nominal_velocity[18];
@@ -138,7 +178,7 @@ SVD_TOWER_API int svd_tower_compute_member_length(
     const double coordinate[18],
     double member_length[18]);
 
-/* Member tensions t_e = mu_e (l_e - rho_e), positive in tension; zero in slack cables.
+/* Member tensions t_e = mu_e (l_e - rho_e) + c_e l_e', positive in tension; zero in slack cables.
  *
  *   coordinate (18,) [m, rad]: Positions and angles of the bodies, body by body.
  *   rest_length (18,) [m]: Rest lengths of the changeable members.
@@ -190,39 +230,12 @@ SVD_TOWER_API int svd_tower_compute_chart_margin(
     const double coordinate[18],
     double chart_margin[7]);
 
-/* Margins of cables that go slack, l_e - rho_e: each pulls while its margin is positive.
- *
- *   coordinate (18,) [m, rad]: Positions and angles of the bodies, body by body.
- *   rest_length (18,) [m]: Rest lengths of the changeable members.
- *   returns cable_margin (18,) [m]
- *   283 operations. Source: S&K 2.
- */
-SVD_TOWER_API int svd_tower_compute_cable_margin(
-    const double coordinate[18],
-    const double rest_length[18],
-    double cable_margin[18]);
 
 /* Where each argument begins among the numbers that can change with time. */
 enum {
   SVD_TOWER_PLACE_INPUT = 0,
   SVD_TOWER_PLACE_REST_LENGTH = 6
 };
-
-/* Kinds of events: a cable that goes slack or taut, two bars that touch or part, a condition of the caller. */
-enum {
-  SVD_TOWER_EVENT_CABLE = 1,
-  SVD_TOWER_EVENT_CONTACT = 2,
-  SVD_TOWER_EVENT_CONDITION = 4
-};
-
-/* One event. which: the member, the pair of bars or 0; direction: 1 where the margin rises through zero (taut,
- * apart, condition positive), -1 where it falls. */
-typedef struct {
-  double time;
-  int kind;
-  int which;
-  int direction;
-} svd_tower_event;
 
 /* Arguments that change with time: polynomials of time, piece by piece. On piece k, from time[k] to time[k + 1],
  * number place[j] is the sum over i of coefficient[(k * (degree + 1) + i) * n_values + j] * (t - time[k])^i. */
@@ -241,28 +254,9 @@ typedef struct {
   long long n_accepted;    /* accepted steps */
   long long n_rejected;    /* rejected steps */
   long long n_evaluations; /* of the accelerations */
-  int watch; /* sum of the kinds of events at which steps end; 0: none */
-  int stop;  /* sum of the kinds that end the run, just after the event */
-  double (*condition)(double time, const double *coordinate, const double *velocity, void *data);
-  void *condition_data;
-  svd_tower_event *event; /* (most_events,), NULL: not stored */
-  long long most_events;
-  long long n_events; /* number of events, also beyond most_events */
-  int is_stopped;     /* 1 where an event of `stop` has ended the last call */
   const svd_tower_profile *profile; /* arguments that change with time; steps end at its kinks; NULL: none */
   int is_started; /* internal, from here on: kept between calls */
   int may_grow;   /* whether the next step may be longer: no, right after a rejection */
-  int succession;    /* events one after the other, each within a thousandth of a step of the last one */
-  int crowd;         /* events one after the other, each within a step of the last one */
-  int n_stalled;     /* trials since `mark` */
-  double mark;       /* the last time that was a thousandth of a step behind the one before [s] */
-  double ahead;      /* time to the event that the last step ended just before [s]; 0: to none */
-  double pace;       /* length of the last step that no event cut [s] */
-  double leash;      /* longest step after many events [s]; 0: any */
-  double cut;        /* length at which the next step ends just before an event [s]; 0: at none */
-  double remaining;  /* time from that end to the event [s] */
-  double loudness;   /* factor of the rounding by which a margin must pass zero to count */
-  double last_event; /* [s] */
   double reached; /* where the last call ended [s] */
 } svd_tower_run;
 
@@ -275,41 +269,34 @@ typedef struct {
  *   sample_time (n_samples,) [s]: ascending; sample_state (n_samples, 2 * 18) is filled for each
  *     sample time in the span of these steps, starting at index *n_sampled, which is advanced
  *   n_done: number of steps done by this call
- *   work: memory of 648 doubles
+ *   work: memory of 402 doubles
  * Stops with SVD_TOWER_NON_FINITE_RESULT after the step before the first non-finite state.
  *
- * svd_tower_integrate_rk4_run divides steps at the events of run->watch: up to the event, past it, and on to the end
- * of the same step. Set `run` to zero before the first call, except for the event settings; with the same run, time,
- * state and work the next call continues. time [s]: time of the state, within the step first_step; advanced in place.
- * Where an event of run->stop ends a call, its step does not count as done: repeat the call with it.
- *
- * svd_tower_integrate_rk4_run also divides steps at the kinks of run->profile.
+ * svd_tower_integrate_rk4_run lets arguments change with time as run->profile says, and divides steps at its kinks: up
+ * to the
+ * kink, and on to the end of the same step. Set `run` to zero before the first call, except for the profile; with the
+ * same run, time, state and work the next call continues. time [s]: time of the state, within the step first_step;
+ * advanced in place.
  */
-enum { SVD_TOWER_RK4_WORK = 648 };
+enum { SVD_TOWER_RK4_WORK = 402 };
 SVD_TOWER_API int svd_tower_integrate_rk4(
     double time_start, double step, long long first_step, long long n_steps,
     double state[36],
     const double input[6],
     const double rest_length[18],
     long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
-    long long *n_done, double work[648]);
+    long long *n_done, double work[402]);
 SVD_TOWER_API int svd_tower_integrate_rk4_run(
     double time_start, double step, long long first_step, long long n_steps,
     double *time, double state[36],
     const double input[6],
     const double rest_length[18],
     long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
-    long long *n_done, svd_tower_run *run, double work[648]);
+    long long *n_done, svd_tower_run *run, double work[402]);
+
 
 #ifdef __cplusplus
 }
 #endif
-
-/* Sources.
- * S&K: S. I. Savin, R. R. Khusainov, "Sparse Node-Distance Coordinate Representation for Tensegrity Structures",
- * Russian Journal of Nonlinear Dynamics, 18 (5), 2022, pp. 885-898, doi:10.20537/nd221225.
- * SCS: C. Sultan, M. Corless, R. E. Skelton, "Symmetrical reconfiguration of tensegrity structures", International
- * Journal of Solids and Structures, 39 (8), 2002, pp. 2215-2234.
- */
 
 #endif

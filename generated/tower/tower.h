@@ -37,6 +37,8 @@ enum tower_status {
   TOWER_NON_FINITE_RESULT = 2, /* a result would not be finite, as where the two nodes of a member are at one place */
   TOWER_INVALID_ARGUMENT = 3, /* a step, a count, an index or a time is out of range */
   TOWER_NULL_POINTER = 4, /* a pointer that is needed is NULL */
+  TOWER_STEP_TOO_SMALL = 5, /* no step that the time can resolve meets the tolerance */
+  TOWER_UNSUPPORTED_MACHINE = 6, /* this machine lacks instructions that native code needs */
   TOWER_TOO_MANY_EVENTS = 7 /* too many events follow each other within a thousandth of a step */
 };
 
@@ -53,57 +55,137 @@ enum {
 
 /* Index of each node. */
 enum {
-  TOWER_NODE_b1_1 = 0, TOWER_NODE_b1_2 = 1, TOWER_NODE_b1_3 = 2, TOWER_NODE_t1_1 = 3,
-  TOWER_NODE_t1_2 = 4, TOWER_NODE_t1_3 = 5, TOWER_NODE_b2_1 = 6, TOWER_NODE_b2_2 = 7,
-  TOWER_NODE_b2_3 = 8, TOWER_NODE_t2_1 = 9, TOWER_NODE_t2_2 = 10, TOWER_NODE_t2_3 = 11,
-  TOWER_NODE_b3_1 = 12, TOWER_NODE_b3_2 = 13, TOWER_NODE_b3_3 = 14, TOWER_NODE_t3_1 = 15,
-  TOWER_NODE_t3_2 = 16, TOWER_NODE_t3_3 = 17
+  TOWER_NODE_b1_1 = 0,
+  TOWER_NODE_b1_2 = 1,
+  TOWER_NODE_b1_3 = 2,
+  TOWER_NODE_t1_1 = 3,
+  TOWER_NODE_t1_2 = 4,
+  TOWER_NODE_t1_3 = 5,
+  TOWER_NODE_b2_1 = 6,
+  TOWER_NODE_b2_2 = 7,
+  TOWER_NODE_b2_3 = 8,
+  TOWER_NODE_t2_1 = 9,
+  TOWER_NODE_t2_2 = 10,
+  TOWER_NODE_t2_3 = 11,
+  TOWER_NODE_b3_1 = 12,
+  TOWER_NODE_b3_2 = 13,
+  TOWER_NODE_b3_3 = 14,
+  TOWER_NODE_t3_1 = 15,
+  TOWER_NODE_t3_2 = 16,
+  TOWER_NODE_t3_3 = 17
 };
 
 /* Index of each member. */
 enum {
-  TOWER_MEMBER_bar1_1 = 0, TOWER_MEMBER_bar1_2 = 1, TOWER_MEMBER_bar1_3 = 2,
-  TOWER_MEMBER_vertical1_1 = 3, TOWER_MEMBER_vertical1_2 = 4, TOWER_MEMBER_vertical1_3 = 5,
-  TOWER_MEMBER_bottom1 = 6, TOWER_MEMBER_bottom2 = 7, TOWER_MEMBER_bottom3 = 8,
-  TOWER_MEMBER_bar2_1 = 9, TOWER_MEMBER_bar2_2 = 10, TOWER_MEMBER_bar2_3 = 11,
-  TOWER_MEMBER_vertical2_1 = 12, TOWER_MEMBER_vertical2_2 = 13, TOWER_MEMBER_vertical2_3 = 14,
-  TOWER_MEMBER_bar3_1 = 15, TOWER_MEMBER_bar3_2 = 16, TOWER_MEMBER_bar3_3 = 17,
-  TOWER_MEMBER_vertical3_1 = 18, TOWER_MEMBER_vertical3_2 = 19, TOWER_MEMBER_vertical3_3 = 20,
-  TOWER_MEMBER_top1 = 21, TOWER_MEMBER_top2 = 22, TOWER_MEMBER_top3 = 23,
-  TOWER_MEMBER_saddle1_1 = 24, TOWER_MEMBER_saddle1_2 = 25, TOWER_MEMBER_saddle1_3 = 26,
-  TOWER_MEMBER_saddle1_4 = 27, TOWER_MEMBER_saddle1_5 = 28, TOWER_MEMBER_saddle1_6 = 29,
-  TOWER_MEMBER_diagonal1_1 = 30, TOWER_MEMBER_diagonal1_2 = 31, TOWER_MEMBER_diagonal1_3 = 32,
-  TOWER_MEMBER_diagonal1_4 = 33, TOWER_MEMBER_diagonal1_5 = 34, TOWER_MEMBER_diagonal1_6 = 35,
-  TOWER_MEMBER_saddle2_1 = 36, TOWER_MEMBER_saddle2_2 = 37, TOWER_MEMBER_saddle2_3 = 38,
-  TOWER_MEMBER_saddle2_4 = 39, TOWER_MEMBER_saddle2_5 = 40, TOWER_MEMBER_saddle2_6 = 41,
-  TOWER_MEMBER_diagonal2_1 = 42, TOWER_MEMBER_diagonal2_2 = 43, TOWER_MEMBER_diagonal2_3 = 44,
-  TOWER_MEMBER_diagonal2_4 = 45, TOWER_MEMBER_diagonal2_5 = 46, TOWER_MEMBER_diagonal2_6 = 47
+  TOWER_MEMBER_bar1_1 = 0,
+  TOWER_MEMBER_bar1_2 = 1,
+  TOWER_MEMBER_bar1_3 = 2,
+  TOWER_MEMBER_vertical1_1 = 3,
+  TOWER_MEMBER_vertical1_2 = 4,
+  TOWER_MEMBER_vertical1_3 = 5,
+  TOWER_MEMBER_bottom1 = 6,
+  TOWER_MEMBER_bottom2 = 7,
+  TOWER_MEMBER_bottom3 = 8,
+  TOWER_MEMBER_bar2_1 = 9,
+  TOWER_MEMBER_bar2_2 = 10,
+  TOWER_MEMBER_bar2_3 = 11,
+  TOWER_MEMBER_vertical2_1 = 12,
+  TOWER_MEMBER_vertical2_2 = 13,
+  TOWER_MEMBER_vertical2_3 = 14,
+  TOWER_MEMBER_bar3_1 = 15,
+  TOWER_MEMBER_bar3_2 = 16,
+  TOWER_MEMBER_bar3_3 = 17,
+  TOWER_MEMBER_vertical3_1 = 18,
+  TOWER_MEMBER_vertical3_2 = 19,
+  TOWER_MEMBER_vertical3_3 = 20,
+  TOWER_MEMBER_top1 = 21,
+  TOWER_MEMBER_top2 = 22,
+  TOWER_MEMBER_top3 = 23,
+  TOWER_MEMBER_saddle1_1 = 24,
+  TOWER_MEMBER_saddle1_2 = 25,
+  TOWER_MEMBER_saddle1_3 = 26,
+  TOWER_MEMBER_saddle1_4 = 27,
+  TOWER_MEMBER_saddle1_5 = 28,
+  TOWER_MEMBER_saddle1_6 = 29,
+  TOWER_MEMBER_diagonal1_1 = 30,
+  TOWER_MEMBER_diagonal1_2 = 31,
+  TOWER_MEMBER_diagonal1_3 = 32,
+  TOWER_MEMBER_diagonal1_4 = 33,
+  TOWER_MEMBER_diagonal1_5 = 34,
+  TOWER_MEMBER_diagonal1_6 = 35,
+  TOWER_MEMBER_saddle2_1 = 36,
+  TOWER_MEMBER_saddle2_2 = 37,
+  TOWER_MEMBER_saddle2_3 = 38,
+  TOWER_MEMBER_saddle2_4 = 39,
+  TOWER_MEMBER_saddle2_5 = 40,
+  TOWER_MEMBER_saddle2_6 = 41,
+  TOWER_MEMBER_diagonal2_1 = 42,
+  TOWER_MEMBER_diagonal2_2 = 43,
+  TOWER_MEMBER_diagonal2_3 = 44,
+  TOWER_MEMBER_diagonal2_4 = 45,
+  TOWER_MEMBER_diagonal2_5 = 46,
+  TOWER_MEMBER_diagonal2_6 = 47
 };
 
 /* Index of each coordinate. */
 enum {
-  TOWER_COORDINATE_b1_1_x = 0, TOWER_COORDINATE_b1_1_y = 1, TOWER_COORDINATE_b1_2_x = 2,
-  TOWER_COORDINATE_b1_2_y = 3, TOWER_COORDINATE_b1_3_x = 4, TOWER_COORDINATE_b1_3_y = 5,
-  TOWER_COORDINATE_t1_1_x = 6, TOWER_COORDINATE_t1_1_y = 7, TOWER_COORDINATE_t1_1_z = 8,
-  TOWER_COORDINATE_t1_2_x = 9, TOWER_COORDINATE_t1_2_y = 10, TOWER_COORDINATE_t1_2_z = 11,
-  TOWER_COORDINATE_t1_3_x = 12, TOWER_COORDINATE_t1_3_y = 13, TOWER_COORDINATE_t1_3_z = 14,
-  TOWER_COORDINATE_b2_1_x = 15, TOWER_COORDINATE_b2_1_y = 16, TOWER_COORDINATE_b2_1_z = 17,
-  TOWER_COORDINATE_b2_2_x = 18, TOWER_COORDINATE_b2_2_y = 19, TOWER_COORDINATE_b2_2_z = 20,
-  TOWER_COORDINATE_b2_3_x = 21, TOWER_COORDINATE_b2_3_y = 22, TOWER_COORDINATE_b2_3_z = 23,
-  TOWER_COORDINATE_t2_1_x = 24, TOWER_COORDINATE_t2_1_y = 25, TOWER_COORDINATE_t2_1_z = 26,
-  TOWER_COORDINATE_t2_2_x = 27, TOWER_COORDINATE_t2_2_y = 28, TOWER_COORDINATE_t2_2_z = 29,
-  TOWER_COORDINATE_t2_3_x = 30, TOWER_COORDINATE_t2_3_y = 31, TOWER_COORDINATE_t2_3_z = 32,
-  TOWER_COORDINATE_b3_1_x = 33, TOWER_COORDINATE_b3_1_y = 34, TOWER_COORDINATE_b3_1_z = 35,
-  TOWER_COORDINATE_b3_2_x = 36, TOWER_COORDINATE_b3_2_y = 37, TOWER_COORDINATE_b3_2_z = 38,
-  TOWER_COORDINATE_b3_3_x = 39, TOWER_COORDINATE_b3_3_y = 40, TOWER_COORDINATE_b3_3_z = 41,
-  TOWER_COORDINATE_t3_1_x = 42, TOWER_COORDINATE_t3_1_y = 43, TOWER_COORDINATE_t3_1_z = 44,
-  TOWER_COORDINATE_t3_2_x = 45, TOWER_COORDINATE_t3_2_y = 46, TOWER_COORDINATE_t3_2_z = 47,
-  TOWER_COORDINATE_t3_3_x = 48, TOWER_COORDINATE_t3_3_y = 49, TOWER_COORDINATE_t3_3_z = 50
+  TOWER_COORDINATE_b1_1_x = 0,
+  TOWER_COORDINATE_b1_1_y = 1,
+  TOWER_COORDINATE_b1_2_x = 2,
+  TOWER_COORDINATE_b1_2_y = 3,
+  TOWER_COORDINATE_b1_3_x = 4,
+  TOWER_COORDINATE_b1_3_y = 5,
+  TOWER_COORDINATE_t1_1_x = 6,
+  TOWER_COORDINATE_t1_1_y = 7,
+  TOWER_COORDINATE_t1_1_z = 8,
+  TOWER_COORDINATE_t1_2_x = 9,
+  TOWER_COORDINATE_t1_2_y = 10,
+  TOWER_COORDINATE_t1_2_z = 11,
+  TOWER_COORDINATE_t1_3_x = 12,
+  TOWER_COORDINATE_t1_3_y = 13,
+  TOWER_COORDINATE_t1_3_z = 14,
+  TOWER_COORDINATE_b2_1_x = 15,
+  TOWER_COORDINATE_b2_1_y = 16,
+  TOWER_COORDINATE_b2_1_z = 17,
+  TOWER_COORDINATE_b2_2_x = 18,
+  TOWER_COORDINATE_b2_2_y = 19,
+  TOWER_COORDINATE_b2_2_z = 20,
+  TOWER_COORDINATE_b2_3_x = 21,
+  TOWER_COORDINATE_b2_3_y = 22,
+  TOWER_COORDINATE_b2_3_z = 23,
+  TOWER_COORDINATE_t2_1_x = 24,
+  TOWER_COORDINATE_t2_1_y = 25,
+  TOWER_COORDINATE_t2_1_z = 26,
+  TOWER_COORDINATE_t2_2_x = 27,
+  TOWER_COORDINATE_t2_2_y = 28,
+  TOWER_COORDINATE_t2_2_z = 29,
+  TOWER_COORDINATE_t2_3_x = 30,
+  TOWER_COORDINATE_t2_3_y = 31,
+  TOWER_COORDINATE_t2_3_z = 32,
+  TOWER_COORDINATE_b3_1_x = 33,
+  TOWER_COORDINATE_b3_1_y = 34,
+  TOWER_COORDINATE_b3_1_z = 35,
+  TOWER_COORDINATE_b3_2_x = 36,
+  TOWER_COORDINATE_b3_2_y = 37,
+  TOWER_COORDINATE_b3_2_z = 38,
+  TOWER_COORDINATE_b3_3_x = 39,
+  TOWER_COORDINATE_b3_3_y = 40,
+  TOWER_COORDINATE_b3_3_z = 41,
+  TOWER_COORDINATE_t3_1_x = 42,
+  TOWER_COORDINATE_t3_1_y = 43,
+  TOWER_COORDINATE_t3_1_z = 44,
+  TOWER_COORDINATE_t3_2_x = 45,
+  TOWER_COORDINATE_t3_2_y = 46,
+  TOWER_COORDINATE_t3_2_z = 47,
+  TOWER_COORDINATE_t3_3_x = 48,
+  TOWER_COORDINATE_t3_3_y = 49,
+  TOWER_COORDINATE_t3_3_z = 50
 };
 
 /* Index of each input. */
 enum {
-  TOWER_INPUT_bend = 0, TOWER_INPUT_push = 1
+  TOWER_INPUT_bend = 0,
+  TOWER_INPUT_push = 1
 };
 
 /* What this library is; texts end in a zero byte. */
@@ -199,22 +281,6 @@ TOWER_API int tower_compute_total_energy(
     const double gravity[3],
     double total_energy[1]);
 
-/* Margins of cables that go slack, min(l_e - rho_e, l_e - rho_e + c_e l_e' / mu_e): each pulls while its margin is
- * positive.
- *
- *   coordinate (51,) [m]: Free node coordinates, node by node.
- *   velocity (51,) [m/s]: Rates of the free node coordinates.
- *   input (2,) [m or N]: Rest-length changes and forces of the actuated inputs.
- *   rest_length (12,) [m]: Rest lengths of the changeable members.
- *   returns cable_margin (39,) [m]
- *   894 operations. Source: S&K 2.
- */
-TOWER_API int tower_compute_cable_margin(
-    const double coordinate[51],
-    const double velocity[51],
-    const double input[2],
-    const double rest_length[12],
-    double cable_margin[39]);
 
 /* Where each argument begins among the numbers that can change with time. */
 enum {
@@ -222,22 +288,6 @@ enum {
   TOWER_PLACE_REST_LENGTH = 2,
   TOWER_PLACE_GRAVITY = 14
 };
-
-/* Kinds of events: a cable that goes slack or taut, two bars that touch or part, a condition of the caller. */
-enum {
-  TOWER_EVENT_CABLE = 1,
-  TOWER_EVENT_CONTACT = 2,
-  TOWER_EVENT_CONDITION = 4
-};
-
-/* One event. which: the member, the pair of bars or 0; direction: 1 where the margin rises through zero (taut,
- * apart, condition positive), -1 where it falls. */
-typedef struct {
-  double time;
-  int kind;
-  int which;
-  int direction;
-} tower_event;
 
 /* Arguments that change with time: polynomials of time, piece by piece. On piece k, from time[k] to time[k + 1],
  * number place[j] is the sum over i of coefficient[(k * (degree + 1) + i) * n_values + j] * (t - time[k])^i. */
@@ -256,28 +306,9 @@ typedef struct {
   long long n_accepted;    /* accepted steps */
   long long n_rejected;    /* rejected steps */
   long long n_evaluations; /* of the accelerations */
-  int watch; /* sum of the kinds of events at which steps end; 0: none */
-  int stop;  /* sum of the kinds that end the run, just after the event */
-  double (*condition)(double time, const double *coordinate, const double *velocity, void *data);
-  void *condition_data;
-  tower_event *event; /* (most_events,), NULL: not stored */
-  long long most_events;
-  long long n_events; /* number of events, also beyond most_events */
-  int is_stopped;     /* 1 where an event of `stop` has ended the last call */
   const tower_profile *profile; /* arguments that change with time; steps end at its kinks; NULL: none */
   int is_started; /* internal, from here on: kept between calls */
   int may_grow;   /* whether the next step may be longer: no, right after a rejection */
-  int succession;    /* events one after the other, each within a thousandth of a step of the last one */
-  int crowd;         /* events one after the other, each within a step of the last one */
-  int n_stalled;     /* trials since `mark` */
-  double mark;       /* the last time that was a thousandth of a step behind the one before [s] */
-  double ahead;      /* time to the event that the last step ended just before [s]; 0: to none */
-  double pace;       /* length of the last step that no event cut [s] */
-  double leash;      /* longest step after many events [s]; 0: any */
-  double cut;        /* length at which the next step ends just before an event [s]; 0: at none */
-  double remaining;  /* time from that end to the event [s] */
-  double loudness;   /* factor of the rounding by which a margin must pass zero to count */
-  double last_event; /* [s] */
   double reached; /* where the last call ended [s] */
 } tower_run;
 
@@ -291,17 +322,16 @@ typedef struct {
  *   sample_time (n_samples,) [s]: ascending; sample_state (n_samples, 2 * 51) is filled for each
  *     sample time in the span of these steps, starting at index *n_sampled, which is advanced
  *   n_done: number of steps done by this call
- *   work: memory of 1631 doubles
+ *   work: memory of 1088 doubles
  * Stops with TOWER_NON_FINITE_RESULT after the step before the first non-finite state.
  *
- * tower_integrate_rk4_run divides steps at the events of run->watch: up to the event, past it, and on to the end
- * of the same step. Set `run` to zero before the first call, except for the event settings; with the same run, time,
- * state and work the next call continues. time [s]: time of the state, within the step first_step; advanced in place.
- * Where an event of run->stop ends a call, its step does not count as done: repeat the call with it.
- *
- * tower_integrate_rk4_run also divides steps at the kinks of run->profile.
+ * tower_integrate_rk4_run lets arguments change with time as run->profile says, and divides steps at its kinks: up to
+ * the
+ * kink, and on to the end of the same step. Set `run` to zero before the first call, except for the profile; with the
+ * same run, time, state and work the next call continues. time [s]: time of the state, within the step first_step;
+ * advanced in place.
  */
-enum { TOWER_RK4_WORK = 1631 };
+enum { TOWER_RK4_WORK = 1088 };
 TOWER_API int tower_integrate_rk4(
     double time_start, double step, long long first_step, long long n_steps,
     double state[102],
@@ -309,7 +339,7 @@ TOWER_API int tower_integrate_rk4(
     const double rest_length[12],
     const double gravity[3],
     long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
-    long long *n_done, double work[1631]);
+    long long *n_done, double work[1088]);
 TOWER_API int tower_integrate_rk4_run(
     double time_start, double step, long long first_step, long long n_steps,
     double *time, double state[102],
@@ -317,15 +347,11 @@ TOWER_API int tower_integrate_rk4_run(
     const double rest_length[12],
     const double gravity[3],
     long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
-    long long *n_done, tower_run *run, double work[1631]);
+    long long *n_done, tower_run *run, double work[1088]);
+
 
 #ifdef __cplusplus
 }
 #endif
-
-/* Sources.
- * S&K: S. I. Savin, R. R. Khusainov, "Sparse Node-Distance Coordinate Representation for Tensegrity Structures",
- * Russian Journal of Nonlinear Dynamics, 18 (5), 2022, pp. 885-898, doi:10.20537/nd221225.
- */
 
 #endif

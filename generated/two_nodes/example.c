@@ -82,7 +82,6 @@ int main(void)
   double member_tension[1];
   double acceleration[3];
   double total_energy[1];
-  double cable_margin[1];
 
   printf("%s, scene %.12s, C interface version %d\n", two_nodes_descriptor.name, two_nodes_descriptor.scene_hash,
          TWO_NODES_C_API_VERSION);
@@ -105,13 +104,6 @@ int main(void)
   print_title("total_energy [J]", status);
   for (k = 0; k < 1; ++k) {
     printf("  value % .17g\n", (double)total_energy[k]);
-  }
-  worst = status > worst ? status : worst;
-
-  status = two_nodes_compute_cable_margin(two_nodes_nominal_coordinate, cable_margin);
-  print_title("cable_margin [m]", status);
-  for (k = 0; k < 1; ++k) {
-    printf("  [%d] % .17g\n", k, (double)cable_margin[k]);
   }
   worst = status > worst ? status : worst;
 

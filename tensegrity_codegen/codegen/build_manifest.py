@@ -1,6 +1,6 @@
 """The manifest of a library, from its pruned functions: sizes, shapes, nominal values, patterns, parts."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_scene
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.emitter import EmittedModel, WantedFunction
+from tensegrity_codegen.codegen.integrators.events import describe_unwatched
 from tensegrity_codegen.codegen.integrators.integrators import integrator_spec
 from tensegrity_codegen.codegen.integrators.profiles import find_driven
 from tensegrity_codegen.codegen.integrators.solvers import solver_spec
@@ -88,7 +89,7 @@ def build_manifest(
         contact_name=frame.contact_name,
         column_name=frame.column_name,
         ring_nodes=frame.ring_nodes,
-        parts=list_parts(request, integrators, driven, int(np.count_nonzero(model.subject.tension_only))),
+        parts=list_parts(request, integrators, driven, describe_unwatched(request, model.subject)),
     )
 
 
@@ -141,12 +142,16 @@ def _argument_spec(name: str, argument: ModelArgument) -> ArgumentSpec:
 
 
 def list_parts(
-    request: ModelRequest, integrators: Sequence[IntegratorSpec], driven: Sequence[str], n_slack: int
+    request: ModelRequest, integrators: Sequence[IntegratorSpec], driven: Sequence[str], unwatched: str
 ) -> tuple[SourcePart, ...]:
-    """Return the optional parts of a C source, with the reason for each that is there or not."""
+    """Return the optional parts of a C source, with the reason for each that is there or not.
+
+    unwatched: what a motion without events means, see describe_unwatched.
+    """
     portable = find_flags(request.flags).portable
     machine = "suit every machine of an architecture" if portable else "use what one machine has"
     kinds = dict.fromkeys(kind for integrator in integrators for kind in integrator.events)
+    monitored = f"integrators monitor {', '.join(kinds)}" if kinds else unwatched or "events names no kind"
     keeping = [integrator.name for integrator in integrators if integrator.keeps]
     keeps = f"keep names energy, for {', '.join(keeping)}" if keeping else "keep does not name energy"
     varied = "no motion depends on an input" if integrators else NO_INTEGRATOR
@@ -156,7 +161,7 @@ def list_parts(
     return (
         SourcePart("machine_check", not portable, f"flags {request.flags!r} {machine}"),
         SourcePart("batch_functions", request.batch_width > 0, f"batch_width is {request.batch_width}"),
-        SourcePart("event_search", bool(kinds), _explain_events(request, integrators, kinds, n_slack)),
+        SourcePart("event_search", bool(kinds), monitored if integrators else NO_INTEGRATOR),
         SourcePart("energy_correction", bool(keeping), keeps),
         SourcePart("profiles", bool(driven), varied),
         SourcePart("casadi_interface", bool(request.interfaces), f"interfaces {interfaces}"),
@@ -164,17 +169,3 @@ def list_parts(
 
 
 NO_INTEGRATOR = "there is no integrator"
-
-
-def _explain_events(
-    request: ModelRequest, integrators: Sequence[IntegratorSpec], kinds: Collection[str], n_slack: int
-) -> str:
-    """Return the reason why the source searches for events, or does not; kinds: those that it monitors."""
-    if kinds:
-        slack = f"; {n_slack} members can go slack, and a step across that loses its order"
-        return f"integrators monitor {', '.join(kinds)}{slack if 'cable' in kinds else ''}"
-    if not integrators:
-        return NO_INTEGRATOR
-    if request.events is None and n_slack == 0:
-        return "no member can go slack, and events names no kind"
-    return f"{n_slack} members can go slack, and events names no kind"

@@ -19,7 +19,7 @@ from tensegrity_codegen.export.fmu.sources import (
     write_archive,
     write_unit_sources,
 )
-from tensegrity_codegen.pipeline.analyses import find_needs
+from tensegrity_codegen.pipeline.analyses import Needs, find_needs
 from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.accuracy.choice import choose_method
@@ -43,7 +43,7 @@ from tensegrity_codegen.system.checks import (
 )
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
 from tensegrity_codegen.tables.quantities import QUANTITIES, find_quantity
-from tensegrity_codegen.tables.request import ModelRequest
+from tensegrity_codegen.tables.request import AUTO_EVENTS, ModelRequest
 
 SAMPLES = 101
 OFFERED = ("auto", "adaptive", "implicit")  # kinds of methods that choose steps of their own
@@ -322,7 +322,7 @@ def _generate(
     computed = [name for name in outputs if not (name == POSITION and coordinates)]
     if getattr(structure, "internal_name", ()):
         computed.append("internal_rate")
-    extended = request.wanting("acceleration", *computed, integrators=(integrator,))
+    extended = Needs(("acceleration", *computed), (integrator,), events=AUTO_EVENTS).alone(request)
     return emit(structure, extended), extended
 
 

@@ -33,7 +33,7 @@ from tensegrity_codegen.structure.memory_support import require_no_lag, require_
 from tensegrity_codegen.structure.sliding import require_no_ring_friction
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import check_choice
-from tensegrity_codegen.tables.request import ModelRequest
+from tensegrity_codegen.tables.request import AUTO_EVENTS, ModelRequest
 
 ANALYSES_WITH_RING_FRICTION = ("simulate", "simulate_batch", "equilibrium", "equilibria", "linearize")
 BATCH_WIDTH = 8  # motions side by side where the request names no number
@@ -49,11 +49,12 @@ class Needs:
     parameters: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     batch_width: int = 0
     solvers: tuple[str, ...] = ()
+    events: tuple[str, ...] | None = None  # of integrators, where the request names none
 
     def alone(self, request: ModelRequest) -> ModelRequest:
         """Return the request for just this: no other quantities, integrators and solvers."""
         wanted = request.wanting(*self.quantities, integrators=self.integrators, parameters=self.parameters)
-        return replace(wanted, batch_width=request.batch_width or self.batch_width)
+        return self._complete(wanted)
 
     def besides(self, request: ModelRequest) -> ModelRequest:
         """Return the request with this added."""
@@ -64,7 +65,12 @@ class Needs:
             solvers=tuple(dict.fromkeys((*request.solvers, *self.solvers))),
             parameters=self.parameters,
         )
-        return replace(wanted, batch_width=request.batch_width or self.batch_width)
+        return self._complete(wanted)
+
+    def _complete(self, request: ModelRequest) -> ModelRequest:
+        """Return the request with batches and events of the analysis where it states none."""
+        events = self.events if request.events is None else request.events
+        return replace(request, batch_width=request.batch_width or self.batch_width, events=events)
 
 
 def equilibrium_quantities(structure: Subject, request: ModelRequest) -> tuple[str, ...]:
@@ -99,7 +105,7 @@ def _simulate(structure: Subject, request: ModelRequest, method: str, rtol: floa
         )
     integrators = integrators_for(method or "auto", elastic, request.formulation, rtol)
     contacts = CONTACT_QUANTITIES if nodes is not None and nodes.ground is not None else ()
-    return Needs((*simulation_quantities(request.formulation), *contacts), integrators)
+    return Needs((*simulation_quantities(request.formulation), *contacts), integrators, events=AUTO_EVENTS)
 
 
 def _simulate_batch(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
@@ -198,7 +204,8 @@ def _control(structure: Subject, request: ModelRequest, method: str, rtol: float
         "spring_constant": tuple(np.flatnonzero(cable & (structure.spring_constant > 0)).tolist()),
         "node_load": tuple(loaded),
     }
-    return Needs(quantities, (CONTROL_METHOD,), {key: rows for key, rows in parameters.items() if rows})
+    changeable = {key: rows for key, rows in parameters.items() if rows}
+    return Needs(quantities, (CONTROL_METHOD,), changeable, events=AUTO_EVENTS)
 
 
 # The analyses by the names of their functions.

@@ -93,9 +93,7 @@ def _check_static_friction(subject: Any, ground: Any, request: ModelRequest) -> 
     without = lack_setting_events(subject, request) | {
         "equilibria": bool(set(request.quantities) & set(STATIC)),
         f"events of {ground.n_contacts} contacts": ground.n_contacts > MAX_CONTACTS,
-        "model.events without ground and stick": request.events is not None
-        and bool(request.integrators)
-        and not {"ground", "stick"} <= set(request.events),
+        "model.events without ground and stick": request.lacks_events("ground", "stick"),
     }
     for feature, is_wanted in without.items():
         if is_wanted:

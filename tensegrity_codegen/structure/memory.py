@@ -126,7 +126,5 @@ def lack_setting_events(subject: Any, request: ModelRequest) -> dict[str, bool]:
         "batch functions": bool(request.batch_width),
         "interfaces": bool(request.interfaces),
         "single precision": request.precision != "double",
-        f"model.events without {' and '.join(needed)}": request.events is not None
-        and bool(request.integrators)
-        and not set(needed) <= set(request.events),
+        f"model.events without {' and '.join(needed)}": request.lacks_events(*needed),
     }

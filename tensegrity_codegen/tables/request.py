@@ -26,6 +26,8 @@ LISTS = ("quantities", "integrators", "solvers", "keep", "interfaces", "driven",
 
 INTERFACES = ("casadi", "casadi_hessian", "acados")
 
+AUTO_EVENTS = ("auto",)  # events of a request: all at which a force or its slope jumps, and a condition
+
 
 def complete_options(
     formulation: str, options: Mapping[str, str], where: str = "model.options"
@@ -89,8 +91,8 @@ class ModelRequest:
     precision : str
         ``"double"`` or ``"single"``, for every number of the library.
     events : tuple of str or None
-        Events at which integrators can end their steps; None: cables that can go slack, if there are any, and
-        a condition.
+        Events at which integrators can end their steps; ``"auto"``: all at which a force or its slope jumps,
+        and a condition. None: none, but all where events set internal states, or motions are differentiated.
     flags : str
         ``"reference"`` (bit-equal to CasADi's virtual machine on every machine) or ``"native"``.
     batch_width : int
@@ -170,6 +172,11 @@ class ModelRequest:
     def has_adjoint(self) -> bool:
         """Whether gradients of motions are taken backwards: ``"adjoint_rate"`` is wanted."""
         return "adjoint_rate" in self.quantities
+
+    def lacks_events(self, *kinds: str) -> bool:
+        """Return whether integrators are wanted with other events than these kinds."""
+        named = set(kinds if self.events is None else self.events)
+        return bool(self.integrators) and not named & set(AUTO_EVENTS) and not named >= set(kinds)
 
     def wanting(
         self,

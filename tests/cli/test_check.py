@@ -1,3 +1,4 @@
+import json
 import re
 from pathlib import Path
 
@@ -35,6 +36,18 @@ def test_nothing_is_written(run: Run, folder: Path, prism: Path) -> None:
     ended = run("check", prism)
     assert ended.out.startswith("prism: no mistake found; 6 nodes, 3 bars, 9 cables, 15 free coordinates\n")
     assert list(folder.iterdir()) == [prism]
+
+
+def test_fixed_steps_across_slack_cables_are_a_hint(run: Run, two_nodes: Path) -> None:
+    (hint,) = run("check", two_nodes, "--json").data["hints"]
+    assert hint.startswith("rk4 ")
+    assert "1 cable" in hint
+    assert 'events = ["auto"] under [model]' in hint
+    text = two_nodes.read_text()
+    for integrators, key in ((["rk4"], "events = []\n"), (["rk4"], 'events = ["cable"]\n'), (["rk54"], "")):
+        stated = f"integrators = {json.dumps(integrators)}\n{key}"
+        path = write(two_nodes, re.sub(r"integrators = .*\n", stated, text))
+        assert run("check", path, "--json").data["hints"] == []
 
 
 def test_a_sound_scene_is_described(run: Run, prism: Path) -> None:

@@ -10,7 +10,7 @@ from tensegrity_codegen.codegen.emitter import PrunedFunction, prune
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.system.errors import FormulationError
-from tensegrity_codegen.tables.request import ModelRequest
+from tensegrity_codegen.tables.request import AUTO_EVENTS, ModelRequest
 from tests.runtime.build import bar, cable, make_structure, spring
 
 
@@ -70,7 +70,10 @@ def everything() -> tuple[Structure, ModelRequest]:
     velocity = np.where(structure.node_anchored, 0.0, np.linspace(-0.5, 0.7, 12).reshape(4, 3))
     structure = structure.with_changes(name="braced", node_velocity=velocity)
     request = ModelRequest(
-        (), parameters=all_parameters(structure), integrators=("rk4", "rk54", "rk853", "radau")
+        (),
+        parameters=all_parameters(structure),
+        integrators=("rk4", "rk54", "rk853", "radau"),
+        events=AUTO_EVENTS,
     )
     return structure, request.wanting(*offered(structure, request), integrators=request.integrators)
 

@@ -5,15 +5,18 @@ from tensegrity_codegen.tables.manifest import IntegratorSpec, SourcePart
 from tensegrity_codegen.tables.request import ModelRequest
 
 
-def part(name: str, *integrators: IntegratorSpec, n_slack: int = 0) -> SourcePart:
-    (found,) = [item for item in list_parts(ModelRequest(()), integrators, (), n_slack) if item.name == name]
+def part(name: str, *integrators: IntegratorSpec, unwatched: str = "") -> SourcePart:
+    (found,) = [
+        item for item in list_parts(ModelRequest(()), integrators, (), unwatched) if item.name == name
+    ]
     return found
 
 
 def test_events_are_searched_where_an_integrator_monitors_them() -> None:
     watching = IntegratorSpec("rk54", "a_integrate_rk54", (), 1, events=("cable", "condition"))
-    assert part("event_search", watching, n_slack=3).is_included
-    assert not part("event_search", IntegratorSpec("rk54", "a_integrate_rk54", (), 1)).is_included
+    assert part("event_search", watching, unwatched="lost").why == "integrators monitor cable, condition"
+    bare = part("event_search", IntegratorSpec("rk54", "a_integrate_rk54", (), 1), unwatched="lost")
+    assert bare == SourcePart("event_search", False, "lost")
     assert "no integrator" in part("event_search").why
 
 

@@ -45,6 +45,7 @@ def prism12(tmp_path_factory: pytest.TempPathFactory) -> tuple[CompiledModel, Pa
     """The model of the page, and a folder with its header and object file."""
     structure, request = load_scene(EXAMPLES / "prism12.toml")
     request = request.wanting(*SIMULATION_QUANTITIES, integrators=("rk54", "rk853"))
+    request = replace(request, events=("auto",))
     folder = tmp_path_factory.mktemp("prism12")
     write_files(folder, emit(structure, request).files)
     run([*compiler(), "-c", "prism12.c"], folder)

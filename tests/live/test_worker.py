@@ -219,7 +219,7 @@ def test_a_structure_on_the_ground_bounces_as_in_native_c() -> None:
     return { rows, total, status, again };
     """
     found = run_worker(subject, built, script)
-    native = build_library(subject, replace(play, integrators=("rk54", "rk853"), events=None)).load()
+    native = build_library(subject, replace(play, integrators=("rk54", "rk853"), events=("auto",))).load()
     stepping = Stepping(atol=1e-12, control="steps")
     motion = simulate(
         native, 1.0, samples=[0.0, 0.4, 0.6, 1.0], method="rk853", rtol=1e-10, stepping=stepping
@@ -255,7 +255,7 @@ def test_inputs_follow_their_profile_as_in_native_c() -> None:
     return { rows, again: Array.from(nodes), status, labels: engine.sliders.map(({ label }) => label) };
     """
     found = run_worker(subject, built, script, profile)
-    native = build_library(subject, replace(play, integrators=("rk54", "rk853"), events=None)).load()
+    native = build_library(subject, replace(play, integrators=("rk54", "rk853"), events=("auto",))).load()
     longer = Profile([*profile.time, 2.0], {name: [*row, row[-1]] for name, row in values.items()})
     motion = simulate(
         native, 2.0, samples=[0.0, 0.3, 0.95, 2.0], method="rk853", rtol=1e-10, schedule=longer,

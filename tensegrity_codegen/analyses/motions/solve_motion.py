@@ -152,15 +152,14 @@ def _request_motion(
     """Return the request with all that a motion needs of a library."""
     is_contact, condition = analysis.event
     needs = find_needs("simulate", structure, request, method=analysis.method, rtol=analysis.rtol)
-    quantities = needs.quantities
-    quantities += CONTACT_QUANTITIES if is_contact else ()
-    motion_request = request.wanting(*quantities, integrators=needs.integrators)
+    contacts = CONTACT_QUANTITIES if is_contact else ()
+    motion_request = replace(needs, quantities=(*needs.quantities, *contacts)).alone(request)
     if settles:
         motion_request = find_needs("equilibrium", structure, request).besides(motion_request)
     if is_contact and needs.integrators:  # SciPy's methods look at distances by themselves
-        motion_request = request_event(structure, motion_request, "contact")
+        motion_request = request_event(motion_request, "contact")
     if condition is not None:
-        motion_request = request_event(structure, motion_request, "condition", condition)
+        motion_request = request_event(motion_request, "condition", condition)
     return _keeping(analysis, motion_request)
 
 
@@ -169,16 +168,11 @@ def _keeping(analysis: MotionAnalysis, request: ModelRequest) -> ModelRequest:
     return replace(request, keep=(analysis.conserve,)) if analysis.conserve else request
 
 
-def request_event(structure: Subject, request: ModelRequest, kind: str, condition: str = "") -> ModelRequest:
+def request_event(request: ModelRequest, kind: str, condition: str = "") -> ModelRequest:
     """Return the request with integrators that watch a kind of event, and the quantities of a condition."""
-    from tensegrity_codegen.codegen.integrators.events import choose_events  # imports CasADi
-
-    events = choose_events(request, structure) if request.events is None else request.events
     quantities = find_quantities(condition) if condition else ()
     return replace(
-        request,
-        quantities=(*request.quantities, *quantities),
-        events=tuple(dict.fromkeys((*events, kind))),
+        request, quantities=(*request.quantities, *quantities), events=(*(request.events or ()), kind)
     )
 
 

@@ -10,6 +10,7 @@ from tensegrity_codegen.system.errors import name_list
 if TYPE_CHECKING:
     from tensegrity_codegen.structure.bodies import BodySystem
     from tensegrity_codegen.structure.structure import Structure
+    from tensegrity_codegen.tables.request import ModelRequest
 
 
 CONTROL: dict[str, Any] = {"actuators": [], "sensors": [], "limits": {}}
@@ -60,6 +61,7 @@ def check(scene: SceneArgument, json: JsonOption = False) -> None:
             **_describe_start(structure),
             "ground": _describe_ground(structure),
             "warnings": warnings,
+            "hints": _list_hints(structure, request),
         }
         counts = {"node": structure.n_nodes, "bar": n_bars, "cable": n_cables}
         counts |= {"free coordinate": structure.n_coordinates}
@@ -72,7 +74,18 @@ def check(scene: SceneArgument, json: JsonOption = False) -> None:
             f"requested: {', '.join(request.quantities)}",
             *_summarise_control(structure),
             *_summarise_ground(data["ground"]),
+            *(f"hint: {hint}" for hint in data["hints"]),
         )
+
+
+def _list_hints(structure: "Structure | BodySystem", request: "ModelRequest") -> list[str]:
+    """Return a sentence on fixed steps across events, where the scene says nothing of these."""
+    from tensegrity_codegen.codegen.integrators.events import describe_unwatched
+    from tensegrity_codegen.tables.integrators import INTEGRATORS
+
+    fixed = [name for name in request.integrators if INTEGRATORS[name].kind == "fixed"]
+    unwatched = describe_unwatched(request, structure) if fixed and request.events is None else ""
+    return [f"{', '.join(fixed)} in a library of build: {unwatched}"] if unwatched else []
 
 
 def _describe_start(subject: "Structure | BodySystem") -> dict[str, Any]:

@@ -11,6 +11,7 @@ from tensegrity_codegen.codegen.integrators.work_memory import count_bytes
 from tensegrity_codegen.structure.memory import find_setting_events
 from tensegrity_codegen.structure.sliding import name_rings
 from tensegrity_codegen.system.errors import FormulationError, suggest
+from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.tables.manifest import (
     EVENT_KINDS,
     JUMP_KINDS,
@@ -19,7 +20,7 @@ from tensegrity_codegen.tables.manifest import (
     IntegratorSpec,
     Manifest,
 )
-from tensegrity_codegen.tables.request import ModelRequest
+from tensegrity_codegen.tables.request import AUTO_EVENTS, ModelRequest
 
 if TYPE_CHECKING:  # a motion chooses its events without CasADi
     from tensegrity_codegen.codegen.emitter import EmittedModel
@@ -40,7 +41,7 @@ EVENT_QUANTITIES = {
 # which contacts begin first.
 BEGINNINGS = ("collision", "ground")
 CONTINUOUS = (*BEGINNINGS, "stick", "yield", "motor", "ring")
-MAX_WATCHED = 400  # cables, switches and contacts whose events are watched without being asked for
+MAX_WATCHED = 400  # cables, switches and contacts whose events "auto" watches
 MAX_IN_SUCCESSION = 150  # events, each within a thousandth of a step of the one before
 
 
@@ -88,7 +89,7 @@ def event_memory(kinds: Sequence[str], functions: Iterable[FunctionSpec], sizes:
 
 
 def choose_events(request: ModelRequest, subject: Any) -> tuple[str, ...]:
-    """Return the kinds of events that a request which names none gets: jumps of stiffness, and a condition.
+    """Return the kinds of events that "auto" stands for: jumps of stiffness, and a condition.
 
     subject: the structure or body system. None if no stiffness jumps, or that of more than MAX_WATCHED
     members does: each event ends a step, and thousands of cables leave no time in between.
@@ -111,13 +112,36 @@ def choose_events(request: ModelRequest, subject: Any) -> tuple[str, ...]:
     return (*(kind for kind, count in counts.items() if count), "condition")
 
 
+def read_events(request: ModelRequest, subject: Any) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the kinds of events that a request names, and those of its "auto".
+
+    A request without the key has none, but where motions would be wrong without them: if they set internal
+    states, or motions are differentiated.
+    """
+    kinds = request.events
+    if kinds is None:
+        kinds = AUTO_EVENTS if find_setting_events(subject) or request.differentiates_motions else ()
+    chosen = choose_events(request, subject) if set(AUTO_EVENTS) & set(kinds) else ()
+    return tuple(kind for kind in kinds if kind not in AUTO_EVENTS), chosen
+
+
+def describe_unwatched(request: ModelRequest, subject: Any) -> str:
+    """Return what steps that end at no event mean for motions, and the key that changes it; "" if nothing."""
+    kinds, n_slack = choose_events(request, subject)[:-1], int(subject.tension_only.sum())
+    if not kinds:
+        return ""
+    slack = f"where one of {describe_count(n_slack, 'cable')} goes slack or taut"
+    place = slack if "cable" in kinds else f"at events {', '.join(kinds)}"
+    return f'a step loses its order {place}; events = ["auto"] under [model] ends steps there'
+
+
 def find_events(
     request: ModelRequest, is_offered: Callable[[str], bool], subject: Any
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the kinds of events that integrators shall watch, and the quantities that these take."""
     if not request.integrators:
         return (), ()
-    kinds = request.events
+    kinds, chosen = read_events(request, subject)
     if kinds and request.precision != "double":
         raise FormulationError(
             "events need double precision",
@@ -125,10 +149,8 @@ def find_events(
             given=f"{', '.join(kinds)} with precision {request.precision!r}",
             allowed="no events in single precision",
         )
-    if kinds is None:
-        chosen = choose_events(request, subject)
-        jumps = tuple(kind for kind in chosen if kind in JUMP_KINDS and is_offered(EVENT_QUANTITIES[kind]))
-        kinds = (*jumps, "condition") if jumps else ()
+    jumps = tuple(kind for kind in chosen if kind in JUMP_KINDS and is_offered(EVENT_QUANTITIES[kind]))
+    kinds = (*kinds, *jumps, "condition") if jumps else kinds
     for kind in kinds:
         if kind not in EVENT_KINDS:
             raise FormulationError(

@@ -14,12 +14,12 @@ from tensegrity_codegen.tables.manifest import EVENT_KINDS
 from tensegrity_codegen.tables.precision import PRECISIONS
 from tensegrity_codegen.tables.presets import PRESETS
 from tensegrity_codegen.tables.quantities import QUANTITIES
-from tensegrity_codegen.tables.request import BATCH_WIDTHS, INTERFACES
+from tensegrity_codegen.tables.request import AUTO_EVENTS, BATCH_WIDTHS, INTERFACES
 
 # Choices of a scene. A new emitter or solver adds its name here.
 EMITTERS = ("auto", "unrolled", "lanes", "table")
 FLAGS = ("reference", "native", "small")
-EVENTS = tuple(EVENT_KINDS)
+EVENTS = (*AUTO_EVENTS, *EVENT_KINDS)
 SOLVERS = ("equilibrium",)
 
 
@@ -94,8 +94,8 @@ class ModelOptions(Table):
     )
     events: Annotated[tuple[Annotated[str, *_EVENT], ...], Strict(False)] | None = Field(
         None,
-        description="Events at which integrators with error control end their steps; "
-        "default: cables that can go slack, if there are 1 to 400, and a condition of the caller.",
+        description="Events at which integrators can end their steps; auto: all where a force or its slope "
+        "jumps, and a condition. Default: none in libraries of build, auto in those of simulate.",
     )
     solvers: Annotated[tuple[Annotated[str, *_SOLVER], ...], Strict(False)] = Field(
         (), description="Solvers of the library."

@@ -36,7 +36,7 @@ from tensegrity_codegen.system.errors import NonFiniteError, TensegrityError
 from tensegrity_codegen.system.forked import can_fork
 from tensegrity_codegen.tables.formulations import choose_formulation, find_formulation
 from tensegrity_codegen.tables.integrators import INTEGRATORS, STIFF_INTEGRATOR
-from tensegrity_codegen.tables.request import ModelRequest
+from tensegrity_codegen.tables.request import AUTO_EVENTS, ModelRequest
 
 AUTO = "auto"
 EXPLICIT = ("rk853", "rk54")
@@ -81,6 +81,7 @@ class CaseModels:
             (*simulation_quantities("rigid_bar"), *extra),
             formulation="rigid_bar",
             integrators=("rk853",),
+            events=AUTO_EVENTS,
             options={"bars": "all", "correction": "first_order"},
         )
         return self._build(case.structure, request)
@@ -107,6 +108,7 @@ class CaseModels:
             formulation=formulation,
             parameters={name: indices for name, indices in parameters.items() if indices},
             integrators=integrators,
+            events=AUTO_EVENTS,
         )
         return self._build(structure, request)
 

@@ -25,7 +25,7 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.tables.formulations import choose_formulation, find_formulation
 from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
-from tensegrity_codegen.tables.request import ModelRequest
+from tensegrity_codegen.tables.request import AUTO_EVENTS, ModelRequest
 
 TOLERANCES = tuple(10.0**-k for k in range(2, 13))
 STEPS = tuple(10.0 ** (-k / 2) for k in range(2, 11))  # of the time span
@@ -113,6 +113,7 @@ def compile_problem(
         (*simulation_quantities(formulation), *extra),
         formulation=formulation,
         integrators=(integrator,),
+        events=AUTO_EVENTS,
         options=options,
         emitter=variant.emitter,
     )

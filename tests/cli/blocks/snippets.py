@@ -22,7 +22,7 @@ def run_snippet(block: Block, folder: Path) -> None:
     if not library.exists():
         structure, request = load_scene(folder / f"{name}.toml")
         wanted = request.wanting(*QUANTITIES, integrators=INTEGRATORS)
-        wanted = replace(wanted, solvers=("equilibrium",), batch_width=8)
+        wanted = replace(wanted, events=("auto",), solvers=("equilibrium",), batch_width=8)
         write_files(library, emit(structure, wanted).files)
     head = f'{C_HEAD}#include "{name}.h"\n'
     before = C_BEFORE[block.page] if name == "prism" else ""

@@ -47,6 +47,7 @@ EXCLUDED = (
         "takes minutes; tests/control/feedback/test_time_motion.py runs a part of it",
     ),
     ("docs/embedding.md", "integrators = ", "one line; tests/codegen/test_profiles_in_c.py has it"),
+    ("docs/embedding.md", "events = ", "one line; tests/codegen/integrators/test_events.py has it"),
     ("docs/embedding.md", STEPPING, "tests/codegen/test_profiles_in_c.py runs the program"),
     ("docs/embedding.md", "cc -std=c99 -O2 -o stepping", "tests/codegen/test_profiles_in_c.py runs it"),
     ("docs/machines.md", "arm-none-eabi-gcc", "needs that compiler; tests/codegen compile for it by zig"),

@@ -13,11 +13,10 @@ from tests.models import EXAMPLES
 
 @functools.cache
 def prism() -> str:
-    """What the example scene asks for, and pairs of bars."""
+    """What the example scene asks for, pairs of bars and events."""
     structure, request = load_scene(EXAMPLES / "prism.toml")
-    return emit(structure, replace(request, quantities=(*request.quantities, "bar_distance"))).files[
-        "prism.h"
-    ]
+    wanted = (*request.quantities, "bar_distance")
+    return emit(structure, replace(request, quantities=wanted, events=("auto",))).files["prism.h"]
 
 
 @functools.cache
@@ -34,7 +33,7 @@ def lin_prism() -> str:
     wanted = ("potential_energy", "coordinate_force", "tangent_stiffness", "acceleration", "total_energy")
     loads = {"node_load": tuple(range(structure.n_nodes))}
     request = request.wanting(*wanted, integrators=("rk853",), solvers=tuple(SOLVERS), parameters=loads)
-    return emit(structure, request).files["lin_prism.h"]
+    return emit(structure, replace(request, events=("auto",))).files["lin_prism.h"]
 
 
 HEADERS = {"prism": prism, "braced": braced, "lin_prism": lin_prism}

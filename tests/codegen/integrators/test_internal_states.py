@@ -18,18 +18,16 @@ from tests.ground_cases import make_block, make_prism
 QUANTITIES = ("acceleration", "member_tension", "total_energy", "contact_force", "penetration")
 
 
-def write_c(
-    structure: Structure, *integrators: str, events: tuple[str, ...] | None = None
-) -> GeneratedSource:
+def write_c(structure: Structure, *integrators: str, events: tuple[str, ...] = ("auto",)) -> GeneratedSource:
     formulation = "rigid_bar" if structure.is_rigid.any() else "node_position"
     request = ModelRequest(QUANTITIES, integrators=integrators, formulation=formulation, events=events)
     return emit(structure, request, account=False)
 
 
 @pytest.mark.parametrize("language", ["c", "c++"])
-@pytest.mark.parametrize("events", [None, ()])
+@pytest.mark.parametrize("events", [("auto",), ()])
 def test_generated_sources_compile_without_a_warning(
-    language: str, events: tuple[str, ...] | None, tmp_path: Path
+    language: str, events: tuple[str, ...], tmp_path: Path
 ) -> None:
     source = write_c(make_prism(), "rk4", "rk54", "rk853", events=events)
     write_files(tmp_path, source.files)
@@ -63,7 +61,7 @@ def test_without_friction_or_ground_there_are_none(friction: float) -> None:
     with_ground = write_c(structure, "rk54").files
     assert ("N_INTERNAL" in with_ground["small.h"]) == (friction > 0)
     assert ("internal" in with_ground["small.c"]) == (friction > 0)
-    request = ModelRequest(QUANTITIES[:3], integrators=("rk54",))
+    request = ModelRequest(QUANTITIES[:3], integrators=("rk54",), events=("auto",))
     without = emit(structure.with_changes(ground=None), request, account=False).files
     assert not {"internal_name", "contact_name"} & set(json.loads(without["manifest.json"]))
     for word in ("N_INTERNAL", "N_CONTACTS", "EVENT_GROUND"):

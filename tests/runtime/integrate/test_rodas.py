@@ -21,7 +21,7 @@ from tests.runtime.integrate.test_events import equal_steps, run
 
 def build(structure: Structure, *others: str, **options: Any) -> CompiledModel:
     wanted = simulation_quantities(options.get("formulation", "node_position"))
-    request = ModelRequest(wanted, integrators=("rodas", *others), **options)
+    request = ModelRequest(wanted, integrators=("rodas", *others), **{"events": ("auto",), **options})
     return build_library(structure, request).load()
 
 

@@ -235,7 +235,7 @@ def test_cables_that_go_slack_cost_accuracy_no_more_than_the_tolerance() -> None
     members = [cable(0, 1, 1.0, 40.0), bar(1, 2, 0.7, 90.0)]
     place = [[0.0, 0.0, 0.0], [1.2, 0.0, 0.0], [1.9, 0.1, 0.0]]
     structure = make_structure(place, members, anchored={0: "xyz"}, mass=0.1, axes="xy")
-    model = build(structure, parameters={}, events=None)
+    model = build(structure, parameters={}, events=("auto",))
     coordinate = model.nominal("coordinate") + 0.05 * np.random.default_rng(1).normal(size=(6, 4))
     options: dict[str, Any] = {
         "method": "rk853",

@@ -75,7 +75,7 @@ def compute_tension(structure: Structure, length: np.ndarray) -> np.ndarray:
 
 
 def load(structure: Structure, *quantities: str, **options: Any) -> CompiledModel:
-    return build_library(structure, ModelRequest(quantities, **options)).load()
+    return build_library(structure, ModelRequest(quantities, **{"events": ("auto",), **options})).load()
 
 
 # --- scenes ----------------------------------------------------------------------------------------

@@ -22,7 +22,7 @@ from tensegrity_codegen.studies.papers.scs.reconfiguration import Reconfiguratio
 from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricPose, SymmetricTower
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import UnstableError
-from tensegrity_codegen.tables.request import ModelRequest
+from tensegrity_codegen.tables.request import AUTO_EVENTS, ModelRequest
 
 PAPER_DURATION = 5.0  # [s], tau
 PRINTED_SIDE = 0.67  # [m], b of (43); 2/3 m gives the printed tensions
@@ -195,7 +195,11 @@ def compile_tower(tower: SymmetricTower, integrators: tuple[str, ...] = ()) -> C
     """Return the full model in C, with all rest lengths changeable and the inputs M_1 to F_3."""
     everything = {"rest_length": tuple(range(tower.system.n_members))}
     request = ModelRequest(
-        simulation_quantities("bodies"), everything, formulation="bodies", integrators=integrators
+        simulation_quantities("bodies"),
+        everything,
+        formulation="bodies",
+        integrators=integrators,
+        events=AUTO_EVENTS,
     )
     return build_library(tower.system, request, calls=MANY_CALLS).load()
 

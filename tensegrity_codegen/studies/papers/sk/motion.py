@@ -21,7 +21,7 @@ from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
-from tensegrity_codegen.tables.request import ModelRequest
+from tensegrity_codegen.tables.request import AUTO_EVENTS, ModelRequest
 
 # The three-link prism of S&K Fig. 1, free in space; the paper gives no data. Bars are 20 times as stiff as
 # cables.
@@ -109,6 +109,7 @@ def compile_in(structure: Structure, formulation: str, *quantities: str, **optio
     request = ModelRequest(
         (*simulation_quantities(formulation), *quantities),
         integrators=("rk4", "rk54"),
+        events=AUTO_EVENTS,
         formulation=formulation,
         options=options,
     )
