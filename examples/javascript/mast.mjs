@@ -1,7 +1,7 @@
 // The mast in JavaScript: the C functions of mast.wasm with typed arrays, and errors instead of status numbers.
 // Works in browsers, node and other programs; it imports nothing.
 
-const ABI_VERSION = 2; // of the struct RUN below
+const ABI_VERSION = 3; // of the struct RUN below
 const EVENT_CABLE = 1;
 const MOST_EVENTS = 100;
 

@@ -8,7 +8,7 @@ using Libdl
 export Library, StatusError, coordinate_names, find_equilibrium, integrate, member_names, member_tension,
     nominal_coordinate, total_energy
 
-const ABI_VERSION = 2  # of the structs below
+const ABI_VERSION = 3  # of the structs below
 const MOST_EVENTS = 100
 
 """A function of the library returned a status other than 0."""

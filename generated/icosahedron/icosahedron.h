@@ -28,7 +28,7 @@ extern "C" {
 #endif
 
 /* Version of the rules of this interface: within one version, headers only gain declarations. */
-#define ICOSAHEDRON_C_API_VERSION 1
+#define ICOSAHEDRON_C_API_VERSION 3
 
 /* Status: what every function returns. */
 enum icosahedron_status {
@@ -45,7 +45,7 @@ enum icosahedron_status {
 
 /* Version of this interface, and how many there are of each. A state is all coordinates, then all velocities. */
 enum {
-  ICOSAHEDRON_ABI_VERSION = 2,
+  ICOSAHEDRON_ABI_VERSION = 3,
   ICOSAHEDRON_N_NODES = 12,
   ICOSAHEDRON_N_MEMBERS = 30,
   ICOSAHEDRON_N_AXES = 3,

@@ -28,7 +28,7 @@ extern "C" {
 #endif
 
 /* Version of the rules of this interface: within one version, headers only gain declarations. */
-#define LIN_PRISM_C_API_VERSION 1
+#define LIN_PRISM_C_API_VERSION 3
 
 /* Status: what every function returns. */
 enum lin_prism_status {
@@ -42,7 +42,7 @@ enum lin_prism_status {
 
 /* Version of this interface, and how many there are of each. A state is all coordinates, then all velocities. */
 enum {
-  LIN_PRISM_ABI_VERSION = 2,
+  LIN_PRISM_ABI_VERSION = 3,
   LIN_PRISM_N_NODES = 9,
   LIN_PRISM_N_MEMBERS = 6,
   LIN_PRISM_N_AXES = 3,

@@ -28,7 +28,7 @@ extern "C" {
 #endif
 
 /* Version of the rules of this interface: within one version, headers only gain declarations. */
-#define PINNED_PRISM_C_API_VERSION 1
+#define PINNED_PRISM_C_API_VERSION 3
 
 /* Status: what every function returns. */
 enum pinned_prism_status {
@@ -45,7 +45,7 @@ enum pinned_prism_status {
 
 /* Version of this interface, and how many there are of each. A state is all coordinates, then all velocities. */
 enum {
-  PINNED_PRISM_ABI_VERSION = 2,
+  PINNED_PRISM_ABI_VERSION = 3,
   PINNED_PRISM_N_NODES = 9,
   PINNED_PRISM_N_MEMBERS = 9,
   PINNED_PRISM_N_AXES = 3,

@@ -28,7 +28,7 @@ extern "C" {
 #endif
 
 /* Version of the rules of this interface: within one version, headers only gain declarations. */
-#define PLANAR_C_API_VERSION 1
+#define PLANAR_C_API_VERSION 3
 
 /* Status: what every function returns. */
 enum planar_status {
@@ -44,7 +44,7 @@ enum planar_status {
 
 /* Version of this interface, and how many there are of each. A state is all coordinates, then all velocities. */
 enum {
-  PLANAR_ABI_VERSION = 2,
+  PLANAR_ABI_VERSION = 3,
   PLANAR_N_NODES = 4,
   PLANAR_N_MEMBERS = 6,
   PLANAR_N_AXES = 2,

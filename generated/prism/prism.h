@@ -28,7 +28,7 @@ extern "C" {
 #endif
 
 /* Version of the rules of this interface: within one version, headers only gain declarations. */
-#define PRISM_C_API_VERSION 1
+#define PRISM_C_API_VERSION 3
 
 /* Status: what every function returns. */
 enum prism_status {
@@ -44,7 +44,7 @@ enum prism_status {
 
 /* Version of this interface, and how many there are of each. A state is all coordinates, then all velocities. */
 enum {
-  PRISM_ABI_VERSION = 2,
+  PRISM_ABI_VERSION = 3,
   PRISM_N_NODES = 6,
   PRISM_N_MEMBERS = 12,
   PRISM_N_AXES = 3,

@@ -28,7 +28,7 @@ extern "C" {
 #endif
 
 /* Version of the rules of this interface: within one version, headers only gain declarations. */
-#define PRISM12_C_API_VERSION 1
+#define PRISM12_C_API_VERSION 3
 
 /* Status: what every function returns. */
 enum prism12_status {
@@ -40,7 +40,7 @@ enum prism12_status {
 
 /* Version of this interface, and how many there are of each. */
 enum {
-  PRISM12_ABI_VERSION = 2,
+  PRISM12_ABI_VERSION = 3,
   PRISM12_N_NODES = 6,
   PRISM12_N_MEMBERS = 15,
   PRISM12_N_AXES = 3,

@@ -28,7 +28,7 @@ extern "C" {
 #endif
 
 /* Version of the rules of this interface: within one version, headers only gain declarations. */
-#define SVD_TOWER_C_API_VERSION 1
+#define SVD_TOWER_C_API_VERSION 3
 
 /* Status: what every function returns. */
 enum svd_tower_status {
@@ -45,7 +45,7 @@ enum svd_tower_status {
 
 /* Version of this interface, and how many there are of each. A state is all coordinates, then all velocities. */
 enum {
-  SVD_TOWER_ABI_VERSION = 2,
+  SVD_TOWER_ABI_VERSION = 3,
   SVD_TOWER_N_NODES = 19,
   SVD_TOWER_N_MEMBERS = 18,
   SVD_TOWER_N_AXES = 3,

@@ -28,7 +28,7 @@ extern "C" {
 #endif
 
 /* Version of the rules of this interface: within one version, headers only gain declarations. */
-#define TOWER_C_API_VERSION 1
+#define TOWER_C_API_VERSION 3
 
 /* Status: what every function returns. */
 enum tower_status {
@@ -44,7 +44,7 @@ enum tower_status {
 
 /* Version of this interface, and how many there are of each. A state is all coordinates, then all velocities. */
 enum {
-  TOWER_ABI_VERSION = 2,
+  TOWER_ABI_VERSION = 3,
   TOWER_N_NODES = 18,
   TOWER_N_MEMBERS = 48,
   TOWER_N_AXES = 3,

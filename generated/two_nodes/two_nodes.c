@@ -11,7 +11,7 @@
 #endif
 
 const two_nodes_description two_nodes_descriptor = {
-    2, "two_nodes", "13721bf4931703b0f9524fb5587cfa39cb83834bb96875dc9f5bf6e0b67c6e8a", "node_position", "unrolled",
+    3, "two_nodes", "13721bf4931703b0f9524fb5587cfa39cb83834bb96875dc9f5bf6e0b67c6e8a", "node_position", "unrolled",
         "double",
     "tensegrity_codegen 0.3.0, casadi 3.8.2"};
 
@@ -336,6 +336,7 @@ static void rk4_step(double h, double *q, double *v, double *a, const motion_arg
   double *a2 = stage + 4 * N, *a3 = stage + 5 * N, *a4 = stage + 6 * N;
   const double half = 0.5 * h, sixth = h / 6.0;
   int k;
+  /* Stages at t + h/2, t + h/2 and t + h, each from the slopes (v, a) of the one before. */
   for (k = 0; k < N; ++k) {
     qs[k] = q[k] + half * v[k];
     v2[k] = v[k] + half * a[k];
@@ -351,6 +352,7 @@ static void rk4_step(double h, double *q, double *v, double *a, const motion_arg
     v4[k] = v[k] + h * a3[k];
   }
   motion_slope(qs, v4, with, a4);
+  /* x + h/6 (k1 + 2 k2 + 2 k3 + k4) */
   for (k = 0; k < N; ++k) {
     q[k] += sixth * (v[k] + 2.0 * (v2[k] + v3[k]) + v4[k]);
     v[k] += sixth * (a[k] + 2.0 * (a2[k] + a3[k]) + a4[k]);

@@ -28,7 +28,7 @@ extern "C" {
 #endif
 
 /* Version of the rules of this interface: within one version, headers only gain declarations. */
-#define TWO_NODES_C_API_VERSION 1
+#define TWO_NODES_C_API_VERSION 3
 
 /* Status: what every function returns. */
 enum two_nodes_status {
@@ -45,7 +45,7 @@ enum two_nodes_status {
 
 /* Version of this interface, and how many there are of each. A state is all coordinates, then all velocities. */
 enum {
-  TWO_NODES_ABI_VERSION = 2,
+  TWO_NODES_ABI_VERSION = 3,
   TWO_NODES_N_NODES = 2,
   TWO_NODES_N_MEMBERS = 1,
   TWO_NODES_N_AXES = 3,

@@ -139,12 +139,14 @@ static inline int method_adjoin_samples(double t0, real h, const method_adjoint 
     const real s = (real)((time - t0) / (double)h), r = (real)1.0 - s;
     const real rise = s - s * r + (real)2.0 * s * r * s, first = h * (s * r - s * r * s), last = -h * s * r * s;
     real term = s * r * s;
+    /* The weights of x, of the change of x and of the first and last rate in cubic Hermite interpolation. */
     for (k = 0; k < N_MOVED; ++k) {
       w->base[k] += weight[k];
       w->rise[k] += rise * weight[k];
       w->weight[k] += first * weight[k];
       w->weight[METHOD_STAGES * N_MOVED + k] += last * weight[k];
     }
+    /* Those of the rates in the further terms. */
     for (i = 0; i < METHOD_TERMS; ++i) {
       term *= i % 2 == 0 ? r : s;
       for (j = 0; j < METHOD_RATES; ++j) {
@@ -183,6 +185,7 @@ static inline void method_adjoin_step(const real *row, const method_adjoint *m)
   const real h = (real)row[2], *old = row + 4, *rate = row + 4 + N_MOVED;
   method_adjoint_work *w = m->work;
   int i, k;
+  /* x1 = x0 + h sum_i b_i k_i: the weight of x1 goes to x0 and, times h b_i, to the rates k_i. */
   for (k = 0; k < N_MOVED * METHOD_RATES; ++k) {
     w->weight[k] = (real)0.0;
   }
@@ -220,7 +223,7 @@ static inline void method_adjoin_jump(
     int cable, double turned, double time, const real *taut, const real *before, const method_adjoint *m)
 {
   method_adjoint_work *w = m->work;
-  double pace = 0.0, share = 0.0;
+  double margin_rate = 0.0, share = 0.0;
   int k;
   for (k = 0; k < N_CABLE_MARGINS; ++k) {
     w->margin[k] = (real)0.0;
@@ -228,24 +231,25 @@ static inline void method_adjoin_jump(
 #if WITH_PROFILE
   profile_set_time(time, m->with->profile);
 #endif
+  /* With the weight w of the state behind: w += (w . jump) / g' grad g. */
   w->margin[cable] = turned;
   motion_margin_jump(taut, taut + N, w->margin, m->with, w->jump);
   w->margin[cable] = (real)1.0;
   motion_adjoint_margin(taut, taut + N, w->margin, m->with, w->found);
   for (k = 0; k < N_MOVED; ++k) {
-    pace += w->found[k] * (k < N ? taut[N + k] : before[k]);
+    margin_rate += w->found[k] * (k < N ? taut[N + k] : before[k]);
     share += w->jump[k] * m->state_weight[k];
   }
 #if WITH_PROFILE
   if (m->with->profile != NULL) {
     for (k = 0; k < m->with->profile->knots->n_values; ++k) {
       const int row = motion_driven_row[m->with->profile->knots->place[k]];
-      pace += row >= 0 ? w->found[N_MOVED + row] * profile_rate(time, k, m->with->profile) : 0.0;
+      margin_rate += row >= 0 ? w->found[N_MOVED + row] * profile_rate(time, k, m->with->profile) : 0.0;
     }
   }
 #endif
   for (k = 0; k < N_VARIED; ++k) {
-    w->found[k] *= share / pace;
+    w->found[k] *= share / margin_rate;
   }
   for (k = 0; k < N_MOVED; ++k) {
     m->state_weight[k] += w->found[k];

@@ -155,6 +155,7 @@ static inline double collocation_correct(
   double *x = rates + N_STATES, *y = x + N_STATES, *z = y + N_STATES, *side = w->side, worst = 0.0, scale = 0.0;
   int i, k;
   *largest = 0.0;
+  /* What is left of x' = f at the stages, T^-1 (f - D dx / h), in which the equations of the stages come apart. */
   for (k = 0; k < N_STATES; ++k) {
     double left[3];
     for (i = 0; i < 3; ++i) {
@@ -166,6 +167,7 @@ static inline double collocation_correct(
     y[k] = radau_ti[1][0] * left[0] + radau_ti[1][1] * left[1] + radau_ti[1][2] * left[2];
     z[k] = -(radau_ti[2][0] * left[0] + radau_ti[2][1] * left[1] + radau_ti[2][2] * left[2]);
   }
+  /* (gamma / h - J) x = left for the real eigenvalue gamma, then for the complex one. */
   for (k = 0; k < N_STATES; ++k) {
     side[2 * k] = x[k];
     side[2 * k + 1] = 0.0;
@@ -177,6 +179,7 @@ static inline double collocation_correct(
     side[2 * k + 1] = z[k];
   }
   collocation_solve(w, radau_re / h, radau_im / h, w->matrix + COLLOCATION_MATRIX, w->pivot + N_SLOPES, side);
+  /* Back by T, and the sizes of the corrections. */
   for (i = 0; i < 3; ++i) {
     for (k = 0; k < N_STATES; ++k) {
       const double change = radau_t[i][0] * x[k] + radau_t[i][1] * side[2 * k] - radau_t[i][2] * side[2 * k + 1];
@@ -263,6 +266,7 @@ static inline double collocation_try(
       || !collocation_newton(h, rtol, atol, state, with, lost, rates, trial, w)) {
     return INFINITY;
   }
+  /* Rates D dx / h at the stages, what the first rate differs by from the polynomial through them, and the new state. */
   for (k = 0; k < N_STATES; ++k) {
     const double *inner = w->inner + k;
     double left = rates[k];

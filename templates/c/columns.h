@@ -11,7 +11,7 @@ enum { TAPED_STEP = -2, TAPED_EVENT = -1 };
 
 /* Change of the margin of a cable with time: all columns along the motion, whose slopes are `slope` behind the
  * coordinates, and along the rates of what follows a profile. */
-static inline real motion_margin_pace(
+static inline real motion_margin_rate(
     int cable, double time, const real *slope, const motion_arguments *with, const real *state)
 {
   real along[N_STATES], change[N_CABLE_MARGINS * N_COLUMNS];
@@ -36,6 +36,7 @@ static inline real motion_margin_pace(
   }
 #endif
 #endif
+  /* Columns that are all the rate (v, a, z') of the state: the column of the margin is g' then. */
   for (j = 0; j < N_MOVED; ++j) {
     along[j] = state[j];
     for (k = 0; k < N_COLUMNS; ++k) {
@@ -62,18 +63,19 @@ static inline void motion_jump_columns(
     if (turned[cable] != (real)0.0) {
       const int is_taut = turned[cable] > (real)0.0;
       const real *taut = is_taut ? state : old;
-      real pace;
+      real margin_rate;
 #if WITH_PROFILE
       profile_set_time(is_taut ? t1 : t0, with->profile);
 #endif
-      pace = motion_margin_pace(cable, is_taut ? t1 : t0, old + N_STATES, with, taut);
+      margin_rate = motion_margin_rate(cable, is_taut ? t1 : t0, old + N_STATES, with, taut);
       weight[cable] = turned[cable];
       motion_margin_jump(taut, taut + N, weight, with, jump);
       weight[cable] = (real)0.0;
       motion_margin_column(taut, taut + N, with, change);
+      /* dx/dp += jump of x' times dg/dp / g' */
       for (i = N; i < N_MOVED; ++i) {
         for (k = 0; k < N_COLUMNS; ++k) {
-          state[N_MOVED + i * N_COLUMNS + k] += jump[i] * change[cable * N_COLUMNS + k] / pace;
+          state[N_MOVED + i * N_COLUMNS + k] += jump[i] * change[cable * N_COLUMNS + k] / margin_rate;
         }
       }
     }

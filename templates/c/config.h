@@ -36,7 +36,7 @@ enum {
   N_YIELDS = N_INTERNAL, /* the last of these, of plastic members */
   N_MARGINS = 2,            /* events that are watched, the condition last */
   N_MEASURED = N,           /* coordinates whose size counts as rounding */
-  MOST_IN_SUCCESSION = 150, /* events, each within a thousandth of a step of the last one */
+  MAX_RAPID_EVENTS = 150, /* events, each within a thousandth of a step of the last one */
   N_MASSES = N,             /* entries of the mass matrix */
   AXES = WITH_AXES_3 ? 3 : 1,
   N_RIGID = WITH_AXES_3 ? 6 : 1, /* rigid motions */

@@ -145,16 +145,16 @@ static inline int event_is_reached(double usual_step, const event_memory *m)
 static inline void event_begin(double time, double step, scene_run *run, event_memory *m)
 {
   int k;
-  run->ahead = 0.0;
-  run->leash = 0.0;
-  run->cut = 0.0;
-  run->loudness = 1.0;
-  run->succession = 0;
-  run->crowd = 0;
-  run->n_stalled = 0;
-  run->mark = time;
+  run->time_to_event = 0.0;
+  run->step_limit = 0.0;
+  run->step_to_event = 0.0;
+  run->noise_factor = 1.0;
+  run->n_rapid_events = 0;
+  run->n_close_events = 0;
+  run->n_trials = 0;
+  run->progress_time = time;
   run->last_event = time - step;
-  run->pace = step;
+  run->usual_step = step;
   for (k = 0; k < N_MARGINS; ++k) {
     m->side[k] = m->start_margin[k] > 0.0 ? 1.0 : -1.0;
   }
@@ -163,18 +163,18 @@ static inline void event_begin(double time, double step, scene_run *run, event_m
 /* Zero where events keep the motion from getting ahead: too many attempts within a thousandth of a step. */
 static inline int event_may_continue(double time, double step, scene_run *run)
 {
-  if (fabs(time - run->mark) > 1e-3 * step) {
-    run->mark = time;
-    run->n_stalled = 0;
+  if (fabs(time - run->progress_time) > 1e-3 * step) {
+    run->progress_time = time;
+    run->n_trials = 0;
   }
-#if WITH_LOUD_MARGINS
+#if WITH_NOISY_MARGINS
   /* Rounding of rigid bars, which grows at impacts, can move a margin by more than its noise in no time; and steps and
    * extrapolations disagree about the margin of a ring, where a strand beside it goes slack. */
-  if (run->n_stalled % 16 == 15) {
-    run->loudness *= 8.0;
+  if (run->n_trials % 16 == 15) {
+    run->noise_factor *= 8.0;
   }
 #endif
-  return ++run->n_stalled <= 10 * MOST_IN_SUCCESSION;
+  return ++run->n_trials <= 10 * MAX_RAPID_EVENTS;
 }
 
 /* Length of the next step, at most `planned`: short after events in short succession, where a long step would miss the
@@ -182,10 +182,10 @@ static inline int event_may_continue(double time, double step, scene_run *run)
 static inline double event_limit_step(double planned, const scene_run *run, int *is_short, int *is_cut)
 {
   double step = planned;
-  *is_short = run->leash > 0.0 && run->leash < step;
-  step = *is_short ? run->leash : step;
-  *is_cut = run->cut > 0.0 && run->cut < step;
-  return *is_cut ? run->cut : step;
+  *is_short = run->step_limit > 0.0 && run->step_limit < step;
+  step = *is_short ? run->step_limit : step;
+  *is_cut = run->step_to_event > 0.0 && run->step_to_event < step;
+  return *is_cut ? run->step_to_event : step;
 }
 
 #if WITH_EVENT_FORECAST
@@ -200,7 +200,7 @@ static inline int event_is_mispredicted(const event_memory *m, double length, co
       return 0;
     }
   }
-  return run->leash == 0.0;
+  return run->step_limit == 0.0;
 }
 #endif
 
@@ -210,15 +210,15 @@ static inline int event_is_mispredicted(const event_memory *m, double length, co
 static inline int event_can_be_passed(
     double event_wait, double tolerance, double length, double *planned, scene_run *run, const event_memory *m)
 {
-  run->ahead = 0.0;
-  run->cut = 0.0;
+  run->time_to_event = 0.0;
+  run->step_to_event = 0.0;
 #if !WITH_EVENT_FORECAST
   (void)planned;
   (void)m;
 #endif
   /* No event on the extrapolation: count more as noise from now on, and take shorter steps. */
   if (event_wait > length) {
-    run->loudness *= 8.0;
+    run->noise_factor *= 8.0;
 #if WITH_EVENT_FORECAST
     *planned *= event_is_mispredicted(m, length, run) ? 0.2 : 1.0;
 #endif
@@ -226,9 +226,9 @@ static inline int event_can_be_passed(
   }
   /* The event is farther ahead: the next step ends just before it. */
   if (event_wait > tolerance) {
-    run->cut = event_wait
-        - fmax(event_wait * fmin(0.05, (event_wait / run->pace) * (event_wait / run->pace)), 0.5 * tolerance);
-    run->remaining = event_wait - run->cut;
+    const double part = event_wait / run->usual_step;
+    run->step_to_event = event_wait - fmax(event_wait * fmin(0.05, part * part), 0.5 * tolerance);
+    run->time_behind_step = event_wait - run->step_to_event;
     return 0;
   }
   return 1;
@@ -239,12 +239,14 @@ static inline int event_can_be_passed(
 static inline void event_shorten_step(double found, double step, double tolerance, scene_run *run)
 {
   const double event_wait = fabs(found) * step;
-  run->cut = found < 0.0 ? event_wait : event_wait * (0.999 - 0.05 * (1.0 - found) * (1.0 - found));
+  run->step_to_event = found < 0.0 ? event_wait : event_wait * (0.999 - 0.05 * (1.0 - found) * (1.0 - found));
 #if !WITH_SMOOTH_EVENTS
-  run->cut = found < 0.0 || event_wait <= tolerance ? run->cut : fmin(run->cut, event_wait - 0.5 * tolerance);
+  if (found >= 0.0 && event_wait > tolerance) {
+    run->step_to_event = fmin(run->step_to_event, event_wait - 0.5 * tolerance);
+  }
 #endif
-  run->remaining = event_wait - run->cut;
-  run->ahead = found >= 0.0 && event_wait <= tolerance ? fmax(event_wait, 1e-300) : 0.0;
+  run->time_behind_step = event_wait - run->step_to_event;
+  run->time_to_event = found >= 0.0 && event_wait <= tolerance ? fmax(event_wait, 1e-300) : 0.0;
   ++run->n_rejected;
 }
 
@@ -252,21 +254,21 @@ static inline void event_shorten_step(double found, double step, double toleranc
 static inline void event_after_step(double step, int is_cut, int is_landing, scene_run *run)
 {
   if (!is_cut) {
-    run->leash = 4.0 * run->leash < step ? 4.0 * run->leash : 0.0;
+    run->step_limit = 4.0 * run->step_limit < step ? 4.0 * run->step_limit : 0.0;
   }
-  run->loudness = 1.0;
-  run->cut = 0.0;
-  run->ahead = is_cut && !is_landing ? run->remaining : 0.0;
+  run->noise_factor = 1.0;
+  run->step_to_event = 0.0;
+  run->time_to_event = is_cut && !is_landing ? run->time_behind_step : 0.0;
 }
 
 /* Count events that follow the last one within a thousandth of a step, and those within a step; after more than five of
  * the latter steps are limited to twice the time between them. */
-static inline void event_count_succession(double time, double step, scene_run *run)
+static inline void event_count(double time, double step, scene_run *run)
 {
   const double gap = time - run->last_event;
-  run->succession = gap < 1e-3 * step ? run->succession + 1 : 0;
-  run->crowd = gap < step ? run->crowd + 1 : 0;
-  run->leash = run->crowd > 5 ? 2.0 * gap + 4e-16 * fabs(time) : 0.0;
+  run->n_rapid_events = gap < 1e-3 * step ? run->n_rapid_events + 1 : 0;
+  run->n_close_events = gap < step ? run->n_close_events + 1 : 0;
+  run->step_limit = run->n_close_events > 5 ? 2.0 * gap + 4e-16 * fabs(time) : 0.0;
   run->last_event = time;
 }
 

@@ -165,7 +165,7 @@ static inline int method_set_slips(const method_motion *m, real *change)
   event_set_slips(&m->work->events, m->state);
   motion_rate(m->state, m->with, m->work->rates);
   ++m->run->n_evaluations;
-  return method_evaluate_margins(m->run->pace, m, change);
+  return method_evaluate_margins(m->run->usual_step, m, change);
 }
 
 #endif
@@ -191,6 +191,7 @@ static inline int method_pass(double root, double near, double left, const metho
 #if WITH_MOVED_PLACES
   for (;; h += gap) {
 #endif
+  /* The state at t1, just beyond the event, by a Taylor series, and the margins there. */
   t1 = h < left ? *m->time + h : *m->time + left;
   motion_extrapolate(h, m->state, w->lost, w->rates, w->change, w->trial);
 #if WITH_PROFILE
@@ -221,6 +222,7 @@ static inline int method_pass(double root, double near, double left, const metho
   if (!event_change_sides(*m->time + root, &w->events, w->events.end_margin, m->run)) {
     return 0;
   }
+  /* Take the step, and note what rounding takes from x + dx. */
   method_keep_old(m->state, w->rates, w->old);
 #if WITH_ADJOINT
   row = method_tape(h, t1, TAPED_EVENT, 1, m);
@@ -241,6 +243,7 @@ static inline int method_pass(double root, double near, double left, const metho
 #endif
   motion_rate(m->state, m->with, w->rates);
 #if !WITH_SMOOTH_EVENTS
+  /* v += delay (a after - a before), as if the force had jumped at the root. */
   event_correct_velocity(delay, w->old + N_STATES, w->rates + N, m->state + N, w->lost + N);
 #if WITH_COLUMN_JUMPS
   motion_jump_columns(turned, *m->time, t1, w->old, m->with, m->state);
@@ -259,7 +262,7 @@ static inline int method_pass(double root, double near, double left, const metho
   ++m->run->n_evaluations;
 #endif
   motion_sample(*m->time, h, t1, w->old, m->state, w->rates + N, m->with, w->events.point, m->to);
-  event_count_succession(*m->time + root, *m->step, m->run);
+  event_count(*m->time + root, *m->step, m->run);
   *m->time = t1;
   ++m->run->n_accepted;
   ++m->run->n_evaluations;
@@ -271,18 +274,18 @@ static inline double method_event_base(const method_motion *m)
 {
 #if WITH_COLUMNS
   /* The slopes of derivatives jump at kinks too. */
-  return 1e-12 * m->run->pace + 1e-15 * fabs(*m->time);
+  return 1e-12 * m->run->usual_step + 1e-15 * fabs(*m->time);
 #else
 #if WITH_CONTACT_EVENTS
   /* Contacts are kinks, where forces do not jump. */
   if (!m->run->stop && event_is_kink(m->work->events.found_margin)) {
-    return 1e-8 * m->run->pace + 1e-15 * fabs(*m->time);
+    return 1e-8 * m->run->usual_step + 1e-15 * fabs(*m->time);
   }
 #endif
 #if WITH_SMOOTH_EVENTS
-  return (m->run->stop ? 1e-12 : 1e-8) * m->run->pace + 1e-15 * fabs(*m->time);
+  return (m->run->stop ? 1e-12 : 1e-8) * m->run->usual_step + 1e-15 * fabs(*m->time);
 #else
-  return 1e-12 * m->run->pace + 1e-15 * fabs(*m->time);
+  return 1e-12 * m->run->usual_step + 1e-15 * fabs(*m->time);
 #endif
 #endif
 }
@@ -291,7 +294,7 @@ static inline double method_event_base(const method_motion *m)
 static inline int method_after_crossing(const scene_run *run, int *is_over)
 {
   *is_over = run->is_stopped;
-  return run->succession > MOST_IN_SUCCESSION ? SCENE_TOO_MANY_EVENTS : SCENE_OK;
+  return run->n_rapid_events > MAX_RAPID_EVENTS ? SCENE_TOO_MANY_EVENTS : SCENE_OK;
 }
 
 #if WITH_CONTACT_EVENTS
@@ -344,18 +347,18 @@ static inline int method_meet_crossing(double left, const method_motion *m, int 
   path.end_velocity = w->trial + N;
   path.end_acceleration = w->rates + N;
   path.time = *m->time;
-  path.length = fmin(fmax(4.0 * run->ahead, 4.0 * base), left);
+  path.length = fmin(fmax(4.0 * run->time_to_event, 4.0 * base), left);
   motion_extrapolate(path.length, m->state, w->lost, w->rates, w->change, w->trial);
   root = event_find_first(&path, 1, 0, m->with, run, &w->events) * path.length;
-  near = event_tolerance(base, run->pace, &w->events);
+  near = event_tolerance(base, run->usual_step, &w->events);
   if (!event_can_be_passed(root, near, path.length, planned, run, &w->events)) {
     return SCENE_OK;
   }
   if (!method_pass(root, near, left, m)) {
-    run->loudness *= 8.0;
+    run->noise_factor *= 8.0;
     return SCENE_OK;
   }
-  run->loudness = 1.0;
+  run->noise_factor = 1.0;
 #if WITH_STIFFENING
 #if METHOD_HAS_ERROR
   /* A contact vibrates faster than the structure in the air, and a member faster than in flow. */
@@ -366,7 +369,7 @@ static inline int method_meet_crossing(double left, const method_motion *m, int 
   }
 #endif
 #endif
-  if (!all_finite(w->rates, N_STATES) || !method_evaluate_margins(run->pace, m, w->change)) {
+  if (!all_finite(w->rates, N_STATES) || !method_evaluate_margins(run->usual_step, m, w->change)) {
     return SCENE_NON_FINITE_RESULT;
   }
   return method_after_crossing(run, is_over);
@@ -396,13 +399,13 @@ static inline int method_is_cut_short(
   found = event_find_first(&path, parts, *error <= 1.0, m->with, m->run, events);
   if (!all_finite(events->end_margin, N_MARGINS)) {
     *error = INFINITY;
-  } else if (found >= 0.0 && *error <= 1.0 && event_is_reached(m->run->pace, events)) {
+  } else if (found >= 0.0 && *error <= 1.0 && event_is_reached(m->run->usual_step, events)) {
     *is_landing = 1;
   } else if (found <= 1.0) {
     /* A step that was cut at the condition and meets it again meets noise, but where events are many. */
-    const int is_noise = is_cut && events->found_margin == N_MARGINS - 1 && m->run->leash == 0.0;
-    m->run->loudness *= is_noise ? 8.0 : 1.0;
-    event_shorten_step(found, h, event_tolerance(method_event_base(m), m->run->pace, events), m->run);
+    const int is_noise = is_cut && events->found_margin == N_MARGINS - 1 && m->run->step_limit == 0.0;
+    m->run->noise_factor *= is_noise ? 8.0 : 1.0;
+    event_shorten_step(found, h, event_tolerance(method_event_base(m), m->run->usual_step, events), m->run);
     return 1;
   }
   return 0;
@@ -419,13 +422,13 @@ static inline int method_watch_on(
       events->start_margin[k] = events->end_margin[k];
       events->start_rate[k] = events->end_slope[k] / h;
     }
-    m->run->pace = h;
-  } else if (m->run->watch && !method_evaluate_margins(m->run->pace, m, m->work->spare)) {
+    m->run->usual_step = h;
+  } else if (m->run->watch && !method_evaluate_margins(m->run->usual_step, m, m->work->spare)) {
     return SCENE_NON_FINITE_RESULT; /* the slopes over a short step would be rounding */
   }
   event_after_step(*m->step, is_cut, is_landing, m->run);
   if (is_landing && event_change_sides(*m->time, events, events->start_margin, m->run)) {
-    event_count_succession(*m->time, *m->step, m->run);
+    event_count(*m->time, *m->step, m->run);
 #if WITH_SET_STATES
     if (!method_set_slips(m, m->work->spare)) {
       return SCENE_NON_FINITE_RESULT;
@@ -652,7 +655,7 @@ static inline int method_reject(double h, double error, const method_motion *m)
   *m->step = step_after_rejection(h, error, METHOD_ERROR_ORDER);
   m->run->may_grow = 0;
 #if WITH_EVENTS
-  m->run->cut = 0.0;
+  m->run->step_to_event = 0.0;
 #endif
   if (*m->step <= 4e-16 * fabs(*m->time) || *m->step < SMALLEST_STEP) {
     return error < INFINITY ? SCENE_STEP_TOO_SMALL : SCENE_NON_FINITE_RESULT;
@@ -676,9 +679,9 @@ static inline int method_trial(double time_end, const method_motion *m, int *is_
     return SCENE_TOO_MANY_EVENTS;
   }
   if (m->run->watch) {
-    event_set_noise(m->state, m->run->loudness, m->run->pace, &m->work->events);
+    event_set_noise(m->state, m->run->noise_factor, m->run->usual_step, &m->work->events);
   }
-  if (m->run->ahead > 0.0) {
+  if (m->run->time_to_event > 0.0) {
     return method_meet_crossing(left, m, is_over);
   }
   h = event_limit_step(h, m->run, &is_short, &is_cut);
@@ -773,16 +776,16 @@ static inline int method_pass_kink(const method_motion *m)
     return SCENE_NON_FINITE_RESULT;
   }
 #if WITH_EVENTS
-  m->run->ahead = 0.0;
-  m->run->cut = 0.0;
+  m->run->time_to_event = 0.0;
+  m->run->step_to_event = 0.0;
   if (m->run->watch) {
-    if (!method_evaluate_margins(m->run->pace, m, w->spare)) {
+    if (!method_evaluate_margins(m->run->usual_step, m, w->spare)) {
       return SCENE_NON_FINITE_RESULT;
     }
-    event_set_noise(m->state, m->run->loudness, m->run->pace, &w->events);
+    event_set_noise(m->state, m->run->noise_factor, m->run->usual_step, &w->events);
     if (event_change_sides(*m->time, &w->events, w->events.start_margin, m->run)) {
       int is_over;
-      event_count_succession(*m->time, *m->step, m->run);
+      event_count(*m->time, *m->step, m->run);
 #if WITH_SET_STATES
       if (!method_set_slips(m, w->spare)) {
         return SCENE_NON_FINITE_RESULT;

@@ -27,6 +27,7 @@ static inline int equilibrium_step(
     for (k = 0; k < EQUILIBRIUM_VARIED; ++k) {
       m->between[k] = goal < 1.0 ? before[k] + goal * (arguments->varied[k] - before[k]) : arguments->varied[k];
     }
+    /* Accept a part in which Newton's method contracts; halve it otherwise. */
     status = equilibrium_newton(m->trial, &part_of, tolerance, most_iterations, report, &m->newton);
     iterations += report->iterations;
     report->iterations = iterations;

@@ -86,10 +86,12 @@ static inline void member_list_stiff(const equilibrium_arguments *arguments, equ
   }
   member_locate_all(arguments, m, &m->there);
   for (k = 0; k < EQUILIBRIUM_MEMBERS; ++k) {
+    /* mu = dt / dl */
     const double change = fabs(m->there.length[k] - m->here.length[k]);
     constant[k] = change > 1e-9 * m->longest ? fabs(m->there.tension[k] - m->here.tension[k]) / change : 0.0;
     m->damping[k] = 0.0;
   }
+  /* The widest ratio of a constant to the next lower one. */
   for (i = 0; i < EQUILIBRIUM_MEMBERS; ++i) {
     double next = INFINITY;
     for (k = 0; k < EQUILIBRIUM_MEMBERS; ++k) {

@@ -50,7 +50,7 @@ static inline int radau_advance(
     }
 #if WITH_EVENTS
     if (watches) {
-      events->pace = *step;
+      events->usual_step = *step;
       if (!radau_evaluate_margins(run, *time, state, events, m)) {
         return SCENE_NON_FINITE_RESULT;
       }
@@ -77,14 +77,14 @@ static inline int radau_advance(
       if (!event_may_continue(*time, *step, events)) {
         return SCENE_TOO_MANY_EVENTS;
       }
-      event_set_noise(state, events->loudness, 0.0, m);
-      if (events->ahead > 0.0) {
+      event_set_noise(state, events->noise_factor, 0.0, m);
+      if (events->time_to_event > 0.0) {
         if (!radau_event_pass(
                 run, left, step, time, state, n_samples, sample_time, sample_state, sample_tension, n_sampled, events,
                 m)) {
           return SCENE_NON_FINITE_RESULT;
         }
-        if (events->succession > MOST_IN_SUCCESSION) {
+        if (events->n_rapid_events > MAX_RAPID_EVENTS) {
           return SCENE_TOO_MANY_EVENTS;
         }
         if (events->is_stopped) {
@@ -133,14 +133,14 @@ static inline int radau_advance(
       is_known = all_finite(m->end_margin, N_MARGINS);
       if (!is_known) {
         error = INFINITY;
-      } else if (found >= 0.0 && is_good && event_is_reached(events->pace, m)) {
+      } else if (found >= 0.0 && is_good && event_is_reached(events->usual_step, m)) {
         is_landing = 1;
       }
       if (is_good && !is_landing && (found <= 1.0 || !(error <= 1.0))) {
         radau_revert(run, *step, state);
       }
       if (is_known && !is_landing && found <= 1.0) {
-        event_shorten_step(found, h, radau_reach(run, events->pace), events);
+        event_shorten_step(found, h, radau_reach(run, events->usual_step), events);
         ++count[1];
         continue;
       }
@@ -152,7 +152,7 @@ static inline int radau_advance(
       run->kept[RADAU_KEPT_MAY_GROW] = 0.0;
 #if WITH_EVENTS
       if (events != NULL) {
-        events->cut = 0.0;
+        events->step_to_event = 0.0;
       }
 #endif
       if (*step <= 4e-16 * fabs(*time) || *step < 1e-300) {
@@ -192,7 +192,7 @@ static inline int radau_advance(
       if (!radau_update_events(run, t1, *step, h, is_whole, is_cut, is_landing, state, events, m)) {
         return SCENE_NON_FINITE_RESULT;
       }
-      if (events->succession > MOST_IN_SUCCESSION) {
+      if (events->n_rapid_events > MAX_RAPID_EVENTS) {
         return SCENE_TOO_MANY_EVENTS;
       }
       if (events->is_stopped) {

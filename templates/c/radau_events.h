@@ -23,12 +23,12 @@ static inline void radau_extrapolate(radau_work *run, double time, double h, con
     run->old[2 * N + k] = a;
     run->trial[k] = state[k] + h * (v + 0.5 * h * (a + h * jerk / 3.0));
     run->trial[N + k] = v + h * (a + 0.5 * h * jerk);
-    run->ahead[k] = a + h * jerk;
+    run->end_acceleration[k] = a + h * jerk;
   }
   path->start = run->old;
   path->end_coordinate = run->trial;
   path->end_velocity = run->trial + N;
-  path->end_acceleration = run->ahead;
+  path->end_acceleration = run->end_acceleration;
   path->time = time;
   path->length = h;
 }
@@ -49,7 +49,7 @@ static inline int radau_evaluate_margins(
     radau_work *run, double time, const double *state, const scene_run *events, event_memory *m)
 {
   event_path path;
-  radau_extrapolate(run, time, events->pace, state, &path);
+  radau_extrapolate(run, time, events->usual_step, state, &path);
   return event_evaluate_margins(&path, run->with, events, m);
 }
 
@@ -85,26 +85,26 @@ static inline void radau_sample_extrapolated(
   }
 }
 
-/* Pass the event that lies events->ahead of here: extrapolate to just beyond it and go on behind it, or say where the next
- * step is to be cut. Returns 0 where something is not finite. */
+/* Pass the event that lies events->time_to_event from here: extrapolate to just beyond it and go on behind it, or say
+ * where the next step is to be cut. Returns 0 where something is not finite. */
 static inline int radau_event_pass(
     radau_work *run, double left, double *step, double *time, double *state, long long n_samples,
     const double *sample_time,
     double *sample_state, double *sample_tension, long long *n_sampled, scene_run *events, event_memory *m)
 {
-  const double base = 1e-12 * events->pace + 1e-15 * fabs(*time), reach = radau_reach(run, events->pace);
+  const double base = 1e-12 * events->usual_step + 1e-15 * fabs(*time), reach = radau_reach(run, events->usual_step);
   event_path path;
   double root, h, t1, near;
   int k;
 #if !WITH_SMOOTH_EVENTS
   double delay;
 #endif
-  radau_extrapolate(run, *time, fmin(fmax(4.0 * events->ahead, 4.0 * base), left), state, &path);
+  radau_extrapolate(run, *time, fmin(fmax(4.0 * events->time_to_event, 4.0 * base), left), state, &path);
   root = event_find_first(&path, 1, 0, run->with, events, m) * path.length;
   if (!event_can_be_passed(root, reach, path.length, step, events, m)) {
     return 1;
   }
-  near = event_tolerance(base, events->pace, m);
+  near = event_tolerance(base, events->usual_step, m);
   h = fmin(root + near, left);
   t1 = h < left ? *time + h : *time + left;
   radau_extrapolate(run, *time, h, state, &path);
@@ -113,7 +113,7 @@ static inline int radau_event_pass(
   delay = event_delay(2.0 * near, m);
 #endif
   if (!event_change_sides(*time + root, m, m->end_margin, events)) {
-    events->loudness *= 8.0;
+    events->noise_factor *= 8.0;
     return 1;
   }
   radau_sample_extrapolated(run, &path, t1, n_samples, sample_time, sample_state, sample_tension, n_sampled);
@@ -121,10 +121,10 @@ static inline int radau_event_pass(
     state[k] = path.end_coordinate[k];
     state[N + k] += path.end_velocity[k] - run->velocity[k];
   }
-  event_count_succession(*time + root, *step, events);
+  event_count(*time + root, *step, events);
   *time = t1;
   ++run->count[0];
-  events->loudness = 1.0;
+  events->noise_factor = 1.0;
 #if WITH_PROFILE
   profile_set_start(t1, run->with->profile);
 #endif
@@ -132,7 +132,7 @@ static inline int radau_event_pass(
   if (!radau_restart(run, h, *step, state)) {
     return 0;
   }
-  event_correct_velocity(delay, run->ahead, run->acceleration, state + N, NULL);
+  event_correct_velocity(delay, run->end_acceleration, run->acceleration, state + N, NULL);
   h = 0.0;
 #endif
   return radau_restart(run, h, *step, state) && radau_evaluate_margins(run, t1, state, events, m);
@@ -149,11 +149,11 @@ static inline int radau_update_events(
       m->start_margin[k] = m->end_margin[k];
       m->start_rate[k] = m->end_slope[k] / h;
     }
-    events->pace = h;
+    events->usual_step = h;
   }
   event_after_step(step, is_cut, is_landing, events);
   if (is_landing && event_change_sides(time, m, m->end_margin, events)) {
-    event_count_succession(time, step, events);
+    event_count(time, step, events);
 #if WITH_PROFILE
     profile_set_start(time, run->with->profile);
 #endif

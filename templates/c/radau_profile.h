@@ -56,15 +56,15 @@ static inline int radau_pass_kink(
 #if WITH_EVENTS
   if (events->watch) {
     event_memory *m = &run->margins;
-    events->ahead = 0.0;
-    events->cut = 0.0;
+    events->time_to_event = 0.0;
+    events->step_to_event = 0.0;
     if (!radau_evaluate_margins(run, time, state, events, m)) {
       return SCENE_NON_FINITE_RESULT;
     }
-    event_set_noise(state, events->loudness, 0.0, m);
+    event_set_noise(state, events->noise_factor, 0.0, m);
     if (event_change_sides(time, m, m->start_margin, events)) {
-      event_count_succession(time, step, events);
-      if (events->succession > MOST_IN_SUCCESSION) {
+      event_count(time, step, events);
+      if (events->n_rapid_events > MAX_RAPID_EVENTS) {
         return SCENE_TOO_MANY_EVENTS;
       }
       if (events->is_stopped) {

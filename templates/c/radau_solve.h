@@ -74,6 +74,7 @@ static inline void radau_complex_factor(
       spare[2 * radau_entry_column[k]] = entry[2 * k];
       spare[2 * radau_entry_column[k] + 1] = entry[2 * k + 1];
     }
+    /* l_rk = (a_rk - sum_m l_rm d_m l_km) / d_k; what is left of the diagonal: d_r = a_rr - sum_k l_rk^2 d_k */
     for (k = radau_factor_start[row]; k < radau_factor_start[row + 1]; ++k) {
       const int column = radau_factor_column[k];
       const double a = spare[2 * column], b = spare[2 * column + 1];
@@ -89,6 +90,7 @@ static inline void radau_complex_factor(
       re -= factor[2 * k] * a - factor[2 * k + 1] * b;
       im -= factor[2 * k] * b + factor[2 * k + 1] * a;
     }
+    /* 1 / (re + i im) */
     size = 1.0 / (re * re + im * im);
     inverse[2 * row] = re * size;
     inverse[2 * row + 1] = -im * size;
@@ -99,6 +101,7 @@ static inline void radau_complex_factor(
 static inline void radau_complex_solve(const double *factor, const double *inverse, double *x)
 {
   int i, k;
+  /* L y = b, y = D^-1 y, L^T x = y */
   for (i = 0; i < RADAU_ROWS; ++i) {
     const int row = radau_row[i];
     double re = x[2 * row], im = x[2 * row + 1];

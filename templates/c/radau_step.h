@@ -133,6 +133,7 @@ static inline void radau_find_damped(radau_work *run, const double *q, const dou
       along += d[k] * ((i < 0 ? 0.0 : v[i]) - (j < 0 ? 0.0 : v[j]));
       square += d[k] * d[k];
     }
+    /* t = mu (l - rho) + c l' > 0, and l > rho: the cable pulls; lag: c / mu. */
     length = sqrt(square);
     pulls = length > law[0] && law[1] * (length - law[0]) + law[2] * along / length > 0.0;
     run->damped_stiffness[b] = pulls ? law[1] : 0.0;
@@ -192,6 +193,7 @@ static inline int radau_factor_step(radau_work *run, double h)
   const double a = radau_re / h, c = radau_im / h, re = a * a - c * c, im = 2.0 * a * c;
   int b, k;
   ++run->count[3];
+  /* s^2 H, G and -1 / (mu (1 + lag s)) of [s^2 H, G^T; G, -c] for the complex s */
   for (k = 0; k < RADAU_ENTRIES; ++k) {
     run->entry[2 * k] = re * run->mass_entry[k];
     run->entry[2 * k + 1] = im * run->mass_entry[k];
@@ -253,6 +255,7 @@ static inline void radau_residual(radau_work *run, double h, const double *state
     radau_members(run, run->point, v, run->turned, gap, run->stage_rate);
     radau_pull(run->turned, tension, run->applied);
     radau_mass(run, run->stage_acceleration + i * N, left);
+    /* f - H q'' and t / mu - (l - rho) - lag l' */
     for (k = 0; k < N; ++k) {
       left[k] = run->applied[k] - left[k];
     }
@@ -456,6 +459,7 @@ static inline double radau_error(radau_work *run, double h, const double *state,
   const double s = radau_real / h;
   double *eq = run->point, *ev = run->applied;
   int k, b;
+  /* H (a0 - a of the stages + s (v0 - v of the stages)), which the real matrix makes a displacement */
   for (k = 0; k < N; ++k) {
     const double *v = run->stage_velocity + k, *a = run->stage_acceleration + k;
     ev[k] = run->velocity[k] - radau_to_start[0] * v[0] - radau_to_start[1] * v[N] - radau_to_start[2] * v[2 * N];
@@ -471,6 +475,7 @@ static inline double radau_error(radau_work *run, double h, const double *state,
     eq[k] = run->real_side[radau_elimination_row[k]];
     ev[k] = s * eq[k] - ev[k];
   }
+  /* Take the velocity along rigid members out of the error. */
   for (b = 0; b < N_TENSIONS; ++b) {
     const int *at = radau_coordinate + 2 * AXES * b;
     double along = 0.0;
@@ -510,6 +515,7 @@ static inline int radau_factor_smooth(radau_work *run, double h, const double *q
       mobility += (at[k] < 0 ? 0.0 : part / run->mass_diagonal[radau_elimination_row[at[k]]]);
       mobility += (at[AXES + k] < 0 ? 0.0 : part / run->mass_diagonal[radau_elimination_row[at[AXES + k]]]);
     }
+    /* (period of the member over that which the step resolves)^2, to the fourth power the weight of its own values */
     ratio = run->compliance[b] * s * s * radau_resolved / (mobility * h * h);
     ratio *= ratio;
     run->shift[b] = mobility * fmin(ratio * ratio, 1e100);
@@ -539,6 +545,7 @@ static inline int radau_smooth(
 {
   const int is_good = radau_factor_smooth(run, h, q, v);
   int k, b;
+  /* Velocities: the least change, by the masses, after which l' = t' / mu - lag t'' / mu. */
   for (b = 0; b < N_TENSIONS; ++b) {
     run->real_side[radau_elimination_row[N + b]] = run->compliance[b] * (slope[b] - run->lag[b] * curvature[b]) - run->rate[b];
   }
@@ -549,6 +556,7 @@ static inline int radau_smooth(
   for (k = 0; k < N; ++k) {
     run->velocity[k] = v[k] + run->real_side[radau_elimination_row[k]];
   }
+  /* Accelerations and tensions: H a + G^T dt = f, with G a = t'' / mu - (w^2 - l'^2) / l, w: relative velocity. */
   radau_force(q, run->velocity, run->with, run->applied);
   ++run->count[5];
   radau_pull(run->direction, tension, run->applied);

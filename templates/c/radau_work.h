@@ -44,7 +44,7 @@ typedef struct {
   double damped_direction[AXES * N_DAMPED], damped_stiffness[N_DAMPED], damped_lag[N_DAMPED];
 #endif
 #if WITH_EVENTS
-  double jerk[N], ahead[N]; /* third derivatives; accelerations at the end of an extrapolation */
+  double jerk[N], end_acceleration[N]; /* third derivatives; accelerations at the end of an extrapolation */
   event_memory margins;
 #endif
 #if WITH_PROFILE

@@ -15,6 +15,7 @@ static inline void rk4_step(real h, real *q, real *v, real *a, const motion_argu
   real *a2 = stage + 4 * N, *a3 = stage + 5 * N, *a4 = stage + 6 * N;
   const real half = (real)0.5 * h, sixth = h / (real)6.0;
   int k;
+  /* Stages at t + h/2, t + h/2 and t + h, each from the slopes (v, a) of the one before. */
   for (k = 0; k < N; ++k) {
     qs[k] = q[k] + half * v[k];
     v2[k] = v[k] + half * a[k];
@@ -30,6 +31,7 @@ static inline void rk4_step(real h, real *q, real *v, real *a, const motion_argu
     v4[k] = v[k] + h * a3[k];
   }
   motion_slope(qs, v4, with, a4);
+  /* x + h/6 (k1 + 2 k2 + 2 k3 + k4) */
   for (k = 0; k < N; ++k) {
     q[k] += sixth * (v[k] + (real)2.0 * (v2[k] + v3[k]) + v4[k]);
     v[k] += sixth * (a[k] + (real)2.0 * (a2[k] + a3[k]) + a4[k]);

@@ -14,6 +14,7 @@ static inline void rk4_step_lanes(
   real *a2 = stage + 4 * N * WIDTH, *a3 = stage + 5 * N * WIDTH, *a4 = stage + 6 * N * WIDTH;
   const real half = (real)0.5 * h, sixth = h / (real)6.0;
   int k;
+  /* Stages at t + h/2, t + h/2 and t + h, each from the slopes (v, a) of the one before. */
   for (k = 0; k < N * WIDTH; ++k) {
     qs[k] = q[k] + half * v[k];
     v2[k] = v[k] + half * a[k];
@@ -29,6 +30,7 @@ static inline void rk4_step_lanes(
     v4[k] = v[k] + h * a3[k];
   }
   motion_slope_lanes(m, qs, v4, a4);
+  /* x + h/6 (k1 + 2 k2 + 2 k3 + k4) */
   for (k = 0; k < N * WIDTH; ++k) {
     trial[k] = q[k] + sixth * (v[k] + (real)2.0 * (v2[k] + v3[k]) + v4[k]);
     trial[N * WIDTH + k] = v[k] + sixth * (a[k] + (real)2.0 * (a2[k] + a3[k]) + a4[k]);

@@ -117,6 +117,7 @@ static inline int rodas_factor(rodas_memory *w)
     double *own = w->matrix + j * N_SLOPES;
     double inverse;
     int best = j;
+    /* Pivot: the largest entry of the column from the diagonal on. */
     for (k = j + 1; k < N_SLOPES; ++k) {
       best = fabs(own[k]) > fabs(own[best]) ? k : best;
     }
@@ -131,6 +132,7 @@ static inline int rodas_factor(rodas_memory *w)
       column[j] = column[best];
       column[best] = moved;
     }
+    /* L: the column over the pivot; every column to the right: minus its entry in this row times L. */
     own[j] = inverse;
     for (k = j + 1; k < N_SLOPES; ++k) {
       own[k] *= inverse;

@@ -87,17 +87,17 @@ typedef struct {
   double energy; /* at the start [J] */
 #endif
 #if WITH_EVENTS
-  int succession;    /* events one after the other, each within a thousandth of a step of the last one */
-  int crowd;         /* events one after the other, each within a step of the last one */
-  int n_stalled;     /* trials since `mark` */
-  double mark;       /* the last time that was a thousandth of a step behind the one before [s] */
-  double ahead;      /* time to the event that the last step ended just before [s]; 0: to none */
-  double pace;       /* length of the last step that no event cut [s] */
-  double leash;      /* longest step after many events [s]; 0: any */
-  double cut;        /* length at which the next step ends just before an event [s]; 0: at none */
-  double remaining;  /* time from that end to the event [s] */
-  double loudness;   /* factor of the rounding by which a margin must pass zero to count */
-  double last_event; /* [s] */
+  int n_rapid_events;      /* events in a row, each within a thousandth of a step of the previous one */
+  int n_close_events;      /* events in a row, each within a step of the previous one */
+  int n_trials;            /* trials since `progress_time` */
+  double progress_time;    /* the last time that was a thousandth of a step after the one before [s] */
+  double time_to_event;    /* from the end of the last step, which is just before an event [s]; 0: to none */
+  double usual_step;       /* length of the last step that no event shortened [s] */
+  double step_limit;       /* longest step after many events [s]; 0: none */
+  double step_to_event;    /* length of the next step, which ends just before an event [s]; 0: before none */
+  double time_behind_step; /* from that end to the event [s] */
+  double noise_factor;     /* of the rounding by which a margin must pass zero to count */
+  double last_event;       /* time of the last event [s] */
 #endif
   double reached; /* where the last call ended [s] */
 } scene_run;

@@ -19,7 +19,7 @@
 #define WITH_STICK_EVENTS 0       /* and where these stick */
 #define WITH_CONTACT_EVENTS 0     /* some of these three are */
 #define WITH_STIFFENING 0         /* contacts or plastic members are watched: stiffer where their margins are positive */
-#define WITH_LOUD_MARGINS 0       /* some margins may have more noise than rounding of lengths */
+#define WITH_NOISY_MARGINS 0       /* some margins may have more noise than rounding of lengths */
 #define WITH_MOVED_PLACES (!WITH_SMOOTH_EVENTS) /* lengths of bars follow forces that jump at some margins */
 #define WITH_MOTOR_EVENTS 0       /* motors with a largest rate are watched */
 #define WITH_RING_EVENTS 0        /* rings with friction are watched */

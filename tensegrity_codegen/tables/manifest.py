@@ -17,10 +17,9 @@ from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.quantities import OF_COLUMNS
 from tensegrity_codegen.tables.strands import Strands, list_strands
 
-ABI_VERSION = 2
-
-# Version of the rules of the C interface, docs/c_api.md: within one, headers only gain declarations.
-C_API_VERSION = 1
+# Versions of the C interface, docs/c_api.md: of the layout of structs, and of the rules within which headers
+# only gain declarations; one number for both.
+ABI_VERSION = C_API_VERSION = 3
 
 # Status codes of every generated function, by number.
 STATUS = (

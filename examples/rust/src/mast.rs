@@ -9,7 +9,7 @@ pub type Coordinate = [f64; MAST_N_COORDINATES]; // [m]
 pub type State = [f64; MAST_N_STATES]; // coordinates [m], then velocities [m/s]
 pub type Tension = [f64; MAST_N_MEMBERS]; // [N], positive in tension
 
-const ABI_VERSION: c_int = 2; // of the structs in library.rs
+const ABI_VERSION: c_int = 3; // of the structs in library.rs
 const MOST_EVENTS: usize = 100;
 
 #[derive(Debug)]

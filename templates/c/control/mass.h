@@ -18,6 +18,7 @@ static inline int mass_solve(real *mass, real *x)
         own[j] -= own[k] * other[k];
       }
     }
+    /* d_i = m_ii - sum_k l_ik^2 d_k, and x = L^-1 b on the way */
     for (k = first; k < i; ++k) {
       const real whole = own[k];
       own[k] /= mass[MASS_ROW[k] + k - MASS_FIRST[k]];
@@ -28,6 +29,7 @@ static inline int mass_solve(real *mass, real *x)
       return 0;
     }
   }
+  /* x = L^-T D^-1 x */
   for (i = N_Q - 1; i >= 0; --i) {
     const int first = MASS_FIRST[i];
     const real *own = mass + (MASS_ROW[i] - first);

@@ -280,7 +280,7 @@ def motion_settings(context: Mapping[str, Any]) -> dict[str, bool]:
             for event in ("switch", "collision", "ground", "stick", "yield", "motor", "ring")
         },
         "WITH_CONTACT_EVENTS": bool(events.get("n_contacts")),
-        "WITH_LOUD_MARGINS": any([events.get("n_contacts"), events.get("n_rings"), events and moves_places]),
+        "WITH_NOISY_MARGINS": any([events.get("n_contacts"), events.get("n_rings"), events and moves_places]),
         "WITH_MOVED_PLACES": bool(events and moves_places and not events.get("is_smooth")),
         "WITH_STIFFENING": any(events.get(count) for count in ("n_contacts", "n_yields")),
         "WITH_SET_STATES": bool(events.get("n_slips")),

@@ -144,7 +144,7 @@ def with_entries(**changes: Any) -> Callable[[bytes], bytes]:
     "damage",
     [
         *map(cut, (0.0, 0.1, 0.5, 0.99)),
-        *map(becomes, (b"\xff\xfe\x00", b"[]", b"5", b"{}", b'{"abi_version": 2}', b"null")),
+        *map(becomes, (b"\xff\xfe\x00", b"[]", b"5", b"{}", b'{"abi_version": %d}' % ABI_VERSION, b"null")),
         with_entries(made_by="abc"),
         with_entries(made_by=5),
         with_entries(arguments=5),
