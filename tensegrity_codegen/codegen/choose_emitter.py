@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.codegen.integrators.events import EVENT_QUANTITIES, read_events
+from tensegrity_codegen.codegen.integrators.events import find_events
 from tensegrity_codegen.codegen.table.emitter import TABLE
 from tensegrity_codegen.codegen.unrolled import MAX_MEMBERS
 from tensegrity_codegen.scene.subject import Subject
@@ -100,10 +100,7 @@ def _find_lacking(structure: Subject, request: ModelRequest) -> tuple[str, ...]:
         *request.quantities,
         *called_quantities(request.integrators, needs_state_jacobian(structure)),
     ]
-    if request.integrators:
-        # Quantities behind the events that integrators watch, see events.find_events.
-        named, chosen = read_events(request, structure)
-        quantities += [EVENT_QUANTITIES[kind] for kind in (*named, *chosen) if kind in EVENT_QUANTITIES]
+    quantities += find_events(request, lambda _: True, structure)[1]
     model = TABLE.build(structure, request)
     return tuple(name for name in dict.fromkeys(quantities) if not TABLE.is_offered(model, name))
 

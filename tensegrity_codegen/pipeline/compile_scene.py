@@ -101,9 +101,9 @@ def compile_scene(
     for_ : str or tuple of str
         Analyses for which the model is used: ``"simulate"``, ``"simulate_batch"``, ``"equilibrium"``,
         ``"equilibria"``, ``"sensitivity"``, ``"linearize"``, ``"load_path"``, ``"analyse"``, ``"plan"``,
-        ``"time_motion"``, ``"control"``. Their quantities, integrators and (for ``"control"``) run-time
-        parameters are added. Where they are none of motions and the scene's formulation does not serve them,
-        the library is in node positions, or has rigid bars.
+        ``"time_motion"``, ``"control"``. Their quantities, integrators with events and (for ``"control"``)
+        run-time parameters are added. Where they are none of motions and the scene's formulation does not
+        serve them, the library is in node positions, or has rigid bars.
     method : str
         Method of the simulations, as for `simulate`; it decides which integrators the library has.
     rtol : float
@@ -111,7 +111,8 @@ def compile_scene(
     quantities : tuple of str
         Quantities in addition to those of the scene and of the analyses.
     integrators : tuple of str
-        Integrators in addition, for example ``("rk853", "rk4")``.
+        Integrators in addition, for example ``("rk853", "rk4")``; their steps end at events if the scene
+        names some, or `for_` an analysis of motions.
     solvers : tuple of str
         Solvers in addition to those of the scene.
     parameters : mapping of str to tuple of int, optional

@@ -112,19 +112,6 @@ def choose_events(request: ModelRequest, subject: Any) -> tuple[str, ...]:
     return (*(kind for kind, count in counts.items() if count), "condition")
 
 
-def read_events(request: ModelRequest, subject: Any) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the kinds of events that a request names, and those of its "auto".
-
-    A request without the key has none, but where motions would be wrong without them: if they set internal
-    states, or motions are differentiated.
-    """
-    kinds = request.events
-    if kinds is None:
-        kinds = AUTO_EVENTS if find_setting_events(subject) or request.differentiates_motions else ()
-    chosen = choose_events(request, subject) if set(AUTO_EVENTS) & set(kinds) else ()
-    return tuple(kind for kind in kinds if kind not in AUTO_EVENTS), chosen
-
-
 def describe_unwatched(request: ModelRequest, subject: Any) -> str:
     """Return what steps that end at no event mean for motions, and the key that changes it; "" if nothing."""
     kinds, n_slack = choose_events(request, subject)[:-1], int(subject.tension_only.sum())
@@ -138,10 +125,18 @@ def describe_unwatched(request: ModelRequest, subject: Any) -> str:
 def find_events(
     request: ModelRequest, is_offered: Callable[[str], bool], subject: Any
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the kinds of events that integrators shall watch, and the quantities that these take."""
+    """Return the kinds of events that integrators shall watch, and the quantities that these take.
+
+    A request without the key has none, but "auto" where motions would be wrong without: if events set
+    internal states, or motions are differentiated.
+    """
     if not request.integrators:
         return (), ()
-    kinds, chosen = read_events(request, subject)
+    kinds = request.events
+    if kinds is None:
+        kinds = AUTO_EVENTS if find_setting_events(subject) or request.differentiates_motions else ()
+    chosen = choose_events(request, subject) if set(AUTO_EVENTS) & set(kinds) else ()
+    kinds = tuple(kind for kind in kinds if kind not in AUTO_EVENTS)
     if kinds and request.precision != "double":
         raise FormulationError(
             "events need double precision",

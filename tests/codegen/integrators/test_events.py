@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from tensegrity_codegen.codegen.emit import GeneratedSource, emit
-from tensegrity_codegen.codegen.integrators.events import read_events
+from tensegrity_codegen.codegen.integrators.events import find_events
 from tensegrity_codegen.pipeline.analyses import want_analyses
 from tensegrity_codegen.pipeline.compile_scene import compile_scene, load_scene
 from tensegrity_codegen.runtime.integrate.options import Stepping
@@ -66,9 +66,10 @@ def test_analyses_of_motions_ask_for_events_where_the_scene_says_nothing() -> No
 
 def test_derivatives_of_motions_need_events() -> None:
     structure, request = load_scene(CORD)
-    assert read_events(request, structure) == ((), ())
+    assert find_events(request, lambda _: True, structure) == ((), ())
     request = replace(request, parameters={"rest_length": (0,)}, columns=("rest_length",))
-    assert read_events(request, structure) == ((), ("cable", "condition"))
+    found = find_events(request, lambda _: True, structure)
+    assert found == (("cable", "condition"), ("cable_margin",))
 
 
 def test_a_motion_by_a_library_without_events_says_what_it_does_not_see() -> None:

@@ -195,11 +195,7 @@ def compile_tower(tower: SymmetricTower, integrators: tuple[str, ...] = ()) -> C
     """Return the full model in C, with all rest lengths changeable and the inputs M_1 to F_3."""
     everything = {"rest_length": tuple(range(tower.system.n_members))}
     request = ModelRequest(
-        simulation_quantities("bodies"),
-        everything,
-        formulation="bodies",
-        integrators=integrators,
-        events=AUTO_EVENTS,
+        simulation_quantities("bodies"), everything, integrators, "bodies", events=AUTO_EVENTS
     )
     return build_library(tower.system, request, calls=MANY_CALLS).load()
 
