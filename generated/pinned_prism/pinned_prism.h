@@ -37,10 +37,7 @@ enum pinned_prism_status {
   PINNED_PRISM_NON_FINITE_RESULT = 2,
       /* a result would not be finite, as where the two nodes of a member are at one place */
   PINNED_PRISM_INVALID_ARGUMENT = 3, /* a step, a count, an index or a time is out of range */
-  PINNED_PRISM_NULL_POINTER = 4, /* a pointer that is needed is NULL */
-  PINNED_PRISM_STEP_TOO_SMALL = 5, /* no step that the time can resolve meets the tolerance */
-  PINNED_PRISM_UNSUPPORTED_MACHINE = 6, /* this machine lacks instructions that native code needs */
-  PINNED_PRISM_TOO_MANY_EVENTS = 7 /* too many events follow each other within a thousandth of a step */
+  PINNED_PRISM_NULL_POINTER = 4 /* a pointer that is needed is NULL */
 };
 
 /* Version of this interface, and how many there are of each. A state is all coordinates, then all velocities. */
@@ -56,51 +53,32 @@ enum {
 
 /* Index of each node. */
 enum {
-  PINNED_PRISM_NODE_base_b1 = 0,
-  PINNED_PRISM_NODE_base_b2 = 1,
-  PINNED_PRISM_NODE_base_b3 = 2,
-  PINNED_PRISM_NODE_bar1_A = 3,
-  PINNED_PRISM_NODE_bar1_B = 4,
-  PINNED_PRISM_NODE_bar2_A = 5,
-  PINNED_PRISM_NODE_bar2_B = 6,
-  PINNED_PRISM_NODE_bar3_A = 7,
-  PINNED_PRISM_NODE_bar3_B = 8
+  PINNED_PRISM_NODE_base_b1 = 0, PINNED_PRISM_NODE_base_b2 = 1, PINNED_PRISM_NODE_base_b3 = 2,
+  PINNED_PRISM_NODE_bar1_A = 3, PINNED_PRISM_NODE_bar1_B = 4, PINNED_PRISM_NODE_bar2_A = 5,
+  PINNED_PRISM_NODE_bar2_B = 6, PINNED_PRISM_NODE_bar3_A = 7, PINNED_PRISM_NODE_bar3_B = 8
 };
 
 /* Index of each member. */
 enum {
-  PINNED_PRISM_MEMBER_top1 = 0,
-  PINNED_PRISM_MEMBER_top2 = 1,
-  PINNED_PRISM_MEMBER_top3 = 2,
-  PINNED_PRISM_MEMBER_vertical1 = 3,
-  PINNED_PRISM_MEMBER_vertical2 = 4,
-  PINNED_PRISM_MEMBER_vertical3 = 5,
-  PINNED_PRISM_MEMBER_opposite1 = 6,
-  PINNED_PRISM_MEMBER_opposite2 = 7,
+  PINNED_PRISM_MEMBER_top1 = 0, PINNED_PRISM_MEMBER_top2 = 1,
+  PINNED_PRISM_MEMBER_top3 = 2, PINNED_PRISM_MEMBER_vertical1 = 3,
+  PINNED_PRISM_MEMBER_vertical2 = 4, PINNED_PRISM_MEMBER_vertical3 = 5,
+  PINNED_PRISM_MEMBER_opposite1 = 6, PINNED_PRISM_MEMBER_opposite2 = 7,
   PINNED_PRISM_MEMBER_opposite3 = 8
 };
 
 /* Index of each coordinate. */
 enum {
-  PINNED_PRISM_COORDINATE_bar1_declination = 0,
-  PINNED_PRISM_COORDINATE_bar1_azimuth = 1,
-  PINNED_PRISM_COORDINATE_bar2_declination = 2,
-  PINNED_PRISM_COORDINATE_bar2_azimuth = 3,
-  PINNED_PRISM_COORDINATE_bar3_declination = 4,
-  PINNED_PRISM_COORDINATE_bar3_azimuth = 5
+  PINNED_PRISM_COORDINATE_bar1_declination = 0, PINNED_PRISM_COORDINATE_bar1_azimuth = 1,
+  PINNED_PRISM_COORDINATE_bar2_declination = 2, PINNED_PRISM_COORDINATE_bar2_azimuth = 3,
+  PINNED_PRISM_COORDINATE_bar3_declination = 4, PINNED_PRISM_COORDINATE_bar3_azimuth = 5
 };
 
 /* Index of each input. */
 enum {
-  PINNED_PRISM_INPUT_t1 = 0,
-  PINNED_PRISM_INPUT_t2 = 1,
-  PINNED_PRISM_INPUT_t3 = 2,
-  PINNED_PRISM_INPUT_v1 = 3,
-  PINNED_PRISM_INPUT_v2 = 4,
-  PINNED_PRISM_INPUT_v3 = 5,
-  PINNED_PRISM_INPUT_o1 = 6,
-  PINNED_PRISM_INPUT_o2 = 7,
-  PINNED_PRISM_INPUT_o3 = 8
+  PINNED_PRISM_INPUT_t1 = 0, PINNED_PRISM_INPUT_t2 = 1, PINNED_PRISM_INPUT_t3 = 2,
+  PINNED_PRISM_INPUT_v1 = 3, PINNED_PRISM_INPUT_v2 = 4, PINNED_PRISM_INPUT_v3 = 5,
+  PINNED_PRISM_INPUT_o1 = 6, PINNED_PRISM_INPUT_o2 = 7, PINNED_PRISM_INPUT_o3 = 8
 };
 
 /* What this library is; texts end in a zero byte. */
@@ -134,7 +112,6 @@ PINNED_PRISM_API const char *pinned_prism_missing_instruction_set(int k);
 /* "instruction sets:" and the names of those that the library needs beyond the baseline of its architecture. */
 extern PINNED_PRISM_API const char pinned_prism_instruction_sets[];
 
-
 /* The scene's own values of the arguments, in the units below. */
 extern PINNED_PRISM_API const double pinned_prism_nominal_coordinate[6];
 extern PINNED_PRISM_API const double pinned_prism_nominal_velocity[6];
@@ -150,7 +127,7 @@ PINNED_PRISM_API int pinned_prism_compute_member_length(
     const double coordinate[6],
     double member_length[9]);
 
-/* Member tensions t_e = mu_e (l_e - rho_e) + c_e l_e', positive in tension; zero in slack cables.
+/* Member tensions t_e = mu_e (l_e - rho_e), positive in tension; zero in slack cables.
  *
  *   coordinate (6,) [m, rad]: Positions and angles of the bodies, body by body.
  *   input (9,) [m, N or N m]: Rest-length changes, forces and torques of the actuated inputs.
@@ -175,7 +152,6 @@ PINNED_PRISM_API int pinned_prism_compute_acceleration(
     const double velocity[6],
     const double input[9],
     double acceleration[6]);
-
 
 /* Where each argument begins among the numbers that can change with time. */
 enum {
@@ -236,9 +212,13 @@ PINNED_PRISM_API int pinned_prism_integrate_rk4_run(
     long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
     long long *n_done, pinned_prism_run *run, double work[135]);
 
-
 #ifdef __cplusplus
 }
 #endif
+
+/* Sources.
+ * S&K: S. I. Savin, R. R. Khusainov, "Sparse Node-Distance Coordinate Representation for Tensegrity Structures",
+ * Russian Journal of Nonlinear Dynamics, 18 (5), 2022, pp. 885-898, doi:10.20537/nd221225.
+ */
 
 #endif

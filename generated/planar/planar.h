@@ -36,10 +36,7 @@ enum planar_status {
   PLANAR_NON_FINITE_INPUT = 1, /* an argument holds a NAN or an infinity */
   PLANAR_NON_FINITE_RESULT = 2, /* a result would not be finite, as where the two nodes of a member are at one place */
   PLANAR_INVALID_ARGUMENT = 3, /* a step, a count, an index or a time is out of range */
-  PLANAR_NULL_POINTER = 4, /* a pointer that is needed is NULL */
-  PLANAR_STEP_TOO_SMALL = 5, /* no step that the time can resolve meets the tolerance */
-  PLANAR_UNSUPPORTED_MACHINE = 6, /* this machine lacks instructions that native code needs */
-  PLANAR_TOO_MANY_EVENTS = 7 /* too many events follow each other within a thousandth of a step */
+  PLANAR_NULL_POINTER = 4 /* a pointer that is needed is NULL */
 };
 
 /* Version of this interface, and how many there are of each. A state is all coordinates, then all velocities. */
@@ -49,35 +46,24 @@ enum {
   PLANAR_N_MEMBERS = 6,
   PLANAR_N_AXES = 2,
   PLANAR_N_COORDINATES = 5,
-  PLANAR_N_STATES = 10,
-  PLANAR_N_INPUTS = 0
+  PLANAR_N_STATES = 10
 };
 
 /* Index of each node. */
 enum {
-  PLANAR_NODE_a = 0,
-  PLANAR_NODE_b = 1,
-  PLANAR_NODE_c = 2,
-  PLANAR_NODE_d = 3
+  PLANAR_NODE_a = 0, PLANAR_NODE_b = 1, PLANAR_NODE_c = 2, PLANAR_NODE_d = 3
 };
 
 /* Index of each member. */
 enum {
-  PLANAR_MEMBER_ac = 0,
-  PLANAR_MEMBER_bd = 1,
-  PLANAR_MEMBER_bottom = 2,
-  PLANAR_MEMBER_top = 3,
-  PLANAR_MEMBER_left = 4,
-  PLANAR_MEMBER_right = 5
+  PLANAR_MEMBER_ac = 0, PLANAR_MEMBER_bd = 1, PLANAR_MEMBER_bottom = 2, PLANAR_MEMBER_top = 3,
+  PLANAR_MEMBER_left = 4, PLANAR_MEMBER_right = 5
 };
 
 /* Index of each coordinate. */
 enum {
-  PLANAR_COORDINATE_b_x = 0,
-  PLANAR_COORDINATE_c_x = 1,
-  PLANAR_COORDINATE_c_z = 2,
-  PLANAR_COORDINATE_d_x = 3,
-  PLANAR_COORDINATE_d_z = 4
+  PLANAR_COORDINATE_b_x = 0, PLANAR_COORDINATE_c_x = 1, PLANAR_COORDINATE_c_z = 2,
+  PLANAR_COORDINATE_d_x = 3, PLANAR_COORDINATE_d_z = 4
 };
 
 /* What this library is; texts end in a zero byte. */
@@ -170,9 +156,13 @@ PLANAR_API int planar_integrate_rk4(
     long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
     long long *n_done, double work[65]);
 
-
 #ifdef __cplusplus
 }
 #endif
+
+/* Sources.
+ * S&K: S. I. Savin, R. R. Khusainov, "Sparse Node-Distance Coordinate Representation for Tensegrity Structures",
+ * Russian Journal of Nonlinear Dynamics, 18 (5), 2022, pp. 885-898, doi:10.20537/nd221225.
+ */
 
 #endif

@@ -36,10 +36,7 @@ enum prism_status {
   PRISM_NON_FINITE_INPUT = 1, /* an argument holds a NAN or an infinity */
   PRISM_NON_FINITE_RESULT = 2, /* a result would not be finite, as where the two nodes of a member are at one place */
   PRISM_INVALID_ARGUMENT = 3, /* a step, a count, an index or a time is out of range */
-  PRISM_NULL_POINTER = 4, /* a pointer that is needed is NULL */
-  PRISM_STEP_TOO_SMALL = 5, /* no step that the time can resolve meets the tolerance */
-  PRISM_UNSUPPORTED_MACHINE = 6, /* this machine lacks instructions that native code needs */
-  PRISM_TOO_MANY_EVENTS = 7 /* too many events follow each other within a thousandth of a step */
+  PRISM_NULL_POINTER = 4 /* a pointer that is needed is NULL */
 };
 
 /* Version of this interface, and how many there are of each. A state is all coordinates, then all velocities. */
@@ -49,53 +46,30 @@ enum {
   PRISM_N_MEMBERS = 12,
   PRISM_N_AXES = 3,
   PRISM_N_COORDINATES = 15,
-  PRISM_N_STATES = 30,
-  PRISM_N_INPUTS = 0
+  PRISM_N_STATES = 30
 };
 
 /* Index of each node. */
 enum {
-  PRISM_NODE_b1 = 0,
-  PRISM_NODE_b2 = 1,
-  PRISM_NODE_b3 = 2,
-  PRISM_NODE_t1 = 3,
-  PRISM_NODE_t2 = 4,
+  PRISM_NODE_b1 = 0, PRISM_NODE_b2 = 1, PRISM_NODE_b3 = 2, PRISM_NODE_t1 = 3, PRISM_NODE_t2 = 4,
   PRISM_NODE_t3 = 5
 };
 
 /* Index of each member. */
 enum {
-  PRISM_MEMBER_bar1 = 0,
-  PRISM_MEMBER_bar2 = 1,
-  PRISM_MEMBER_bar3 = 2,
-  PRISM_MEMBER_bottom1 = 3,
-  PRISM_MEMBER_bottom2 = 4,
-  PRISM_MEMBER_bottom3 = 5,
-  PRISM_MEMBER_top1 = 6,
-  PRISM_MEMBER_top2 = 7,
-  PRISM_MEMBER_top3 = 8,
-  PRISM_MEMBER_vertical1 = 9,
-  PRISM_MEMBER_vertical2 = 10,
-  PRISM_MEMBER_vertical3 = 11
+  PRISM_MEMBER_bar1 = 0, PRISM_MEMBER_bar2 = 1, PRISM_MEMBER_bar3 = 2,
+  PRISM_MEMBER_bottom1 = 3, PRISM_MEMBER_bottom2 = 4, PRISM_MEMBER_bottom3 = 5,
+  PRISM_MEMBER_top1 = 6, PRISM_MEMBER_top2 = 7, PRISM_MEMBER_top3 = 8,
+  PRISM_MEMBER_vertical1 = 9, PRISM_MEMBER_vertical2 = 10, PRISM_MEMBER_vertical3 = 11
 };
 
 /* Index of each coordinate. */
 enum {
-  PRISM_COORDINATE_b1_x = 0,
-  PRISM_COORDINATE_b1_y = 1,
-  PRISM_COORDINATE_b2_x = 2,
-  PRISM_COORDINATE_b2_y = 3,
-  PRISM_COORDINATE_b3_x = 4,
-  PRISM_COORDINATE_b3_y = 5,
-  PRISM_COORDINATE_t1_x = 6,
-  PRISM_COORDINATE_t1_y = 7,
-  PRISM_COORDINATE_t1_z = 8,
-  PRISM_COORDINATE_t2_x = 9,
-  PRISM_COORDINATE_t2_y = 10,
-  PRISM_COORDINATE_t2_z = 11,
-  PRISM_COORDINATE_t3_x = 12,
-  PRISM_COORDINATE_t3_y = 13,
-  PRISM_COORDINATE_t3_z = 14
+  PRISM_COORDINATE_b1_x = 0, PRISM_COORDINATE_b1_y = 1, PRISM_COORDINATE_b2_x = 2,
+  PRISM_COORDINATE_b2_y = 3, PRISM_COORDINATE_b3_x = 4, PRISM_COORDINATE_b3_y = 5,
+  PRISM_COORDINATE_t1_x = 6, PRISM_COORDINATE_t1_y = 7, PRISM_COORDINATE_t1_z = 8,
+  PRISM_COORDINATE_t2_x = 9, PRISM_COORDINATE_t2_y = 10, PRISM_COORDINATE_t2_z = 11,
+  PRISM_COORDINATE_t3_x = 12, PRISM_COORDINATE_t3_y = 13, PRISM_COORDINATE_t3_z = 14
 };
 
 /* What this library is; texts end in a zero byte. */
@@ -145,7 +119,7 @@ PRISM_API int prism_compute_member_length(
     const double coordinate[15],
     double member_length[12]);
 
-/* Member tensions t_e = mu_e (l_e - rho_e) + c_e l_e', positive in tension; zero in slack cables.
+/* Member tensions t_e = mu_e (l_e - rho_e), positive in tension; zero in slack cables.
  *
  *   coordinate (15,) [m]: Free node coordinates, node by node.
  *   returns member_tension (12,) [N]
@@ -155,7 +129,7 @@ PRISM_API int prism_compute_member_tension(
     const double coordinate[15],
     double member_tension[12]);
 
-/* Static force (no damping) on every free coordinate; zero in equilibrium.
+/* Static force on every free coordinate; zero in equilibrium.
  *
  *   coordinate (15,) [m]: Free node coordinates, node by node.
  *   returns node_residual (15,) [N]
@@ -230,9 +204,13 @@ PRISM_API int prism_integrate_rk4(
     long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
     long long *n_done, double work[195]);
 
-
 #ifdef __cplusplus
 }
 #endif
+
+/* Sources.
+ * S&K: S. I. Savin, R. R. Khusainov, "Sparse Node-Distance Coordinate Representation for Tensegrity Structures",
+ * Russian Journal of Nonlinear Dynamics, 18 (5), 2022, pp. 885-898, doi:10.20537/nd221225.
+ */
 
 #endif

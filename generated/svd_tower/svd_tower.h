@@ -37,10 +37,7 @@ enum svd_tower_status {
   SVD_TOWER_NON_FINITE_RESULT = 2,
       /* a result would not be finite, as where the two nodes of a member are at one place */
   SVD_TOWER_INVALID_ARGUMENT = 3, /* a step, a count, an index or a time is out of range */
-  SVD_TOWER_NULL_POINTER = 4, /* a pointer that is needed is NULL */
-  SVD_TOWER_STEP_TOO_SMALL = 5, /* no step that the time can resolve meets the tolerance */
-  SVD_TOWER_UNSUPPORTED_MACHINE = 6, /* this machine lacks instructions that native code needs */
-  SVD_TOWER_TOO_MANY_EVENTS = 7 /* too many events follow each other within a thousandth of a step */
+  SVD_TOWER_NULL_POINTER = 4 /* a pointer that is needed is NULL */
 };
 
 /* Version of this interface, and how many there are of each. A state is all coordinates, then all velocities. */
@@ -56,79 +53,42 @@ enum {
 
 /* Index of each node. */
 enum {
-  SVD_TOWER_NODE_base_A11 = 0,
-  SVD_TOWER_NODE_base_A21 = 1,
-  SVD_TOWER_NODE_base_A31 = 2,
-  SVD_TOWER_NODE_bar11_A = 3,
-  SVD_TOWER_NODE_bar11_B = 4,
-  SVD_TOWER_NODE_bar21_A = 5,
-  SVD_TOWER_NODE_bar21_B = 6,
-  SVD_TOWER_NODE_bar31_A = 7,
-  SVD_TOWER_NODE_bar31_B = 8,
-  SVD_TOWER_NODE_bar12_A = 9,
-  SVD_TOWER_NODE_bar12_B = 10,
-  SVD_TOWER_NODE_bar22_A = 11,
-  SVD_TOWER_NODE_bar22_B = 12,
-  SVD_TOWER_NODE_bar32_A = 13,
-  SVD_TOWER_NODE_bar32_B = 14,
-  SVD_TOWER_NODE_top_B12 = 15,
-  SVD_TOWER_NODE_top_B22 = 16,
-  SVD_TOWER_NODE_top_B32 = 17,
+  SVD_TOWER_NODE_base_A11 = 0, SVD_TOWER_NODE_base_A21 = 1, SVD_TOWER_NODE_base_A31 = 2,
+  SVD_TOWER_NODE_bar11_A = 3, SVD_TOWER_NODE_bar11_B = 4, SVD_TOWER_NODE_bar21_A = 5,
+  SVD_TOWER_NODE_bar21_B = 6, SVD_TOWER_NODE_bar31_A = 7, SVD_TOWER_NODE_bar31_B = 8,
+  SVD_TOWER_NODE_bar12_A = 9, SVD_TOWER_NODE_bar12_B = 10, SVD_TOWER_NODE_bar22_A = 11,
+  SVD_TOWER_NODE_bar22_B = 12, SVD_TOWER_NODE_bar32_A = 13, SVD_TOWER_NODE_bar32_B = 14,
+  SVD_TOWER_NODE_top_B12 = 15, SVD_TOWER_NODE_top_B22 = 16, SVD_TOWER_NODE_top_B32 = 17,
   SVD_TOWER_NODE_top_centre = 18
 };
 
 /* Index of each member. */
 enum {
-  SVD_TOWER_MEMBER_saddle1 = 0,
-  SVD_TOWER_MEMBER_saddle2 = 1,
-  SVD_TOWER_MEMBER_saddle3 = 2,
-  SVD_TOWER_MEMBER_saddle4 = 3,
-  SVD_TOWER_MEMBER_saddle5 = 4,
-  SVD_TOWER_MEMBER_saddle6 = 5,
-  SVD_TOWER_MEMBER_vertical1 = 6,
-  SVD_TOWER_MEMBER_vertical2 = 7,
-  SVD_TOWER_MEMBER_vertical3 = 8,
-  SVD_TOWER_MEMBER_vertical4 = 9,
-  SVD_TOWER_MEMBER_vertical5 = 10,
-  SVD_TOWER_MEMBER_vertical6 = 11,
-  SVD_TOWER_MEMBER_diagonal1 = 12,
-  SVD_TOWER_MEMBER_diagonal2 = 13,
-  SVD_TOWER_MEMBER_diagonal3 = 14,
-  SVD_TOWER_MEMBER_diagonal4 = 15,
-  SVD_TOWER_MEMBER_diagonal5 = 16,
-  SVD_TOWER_MEMBER_diagonal6 = 17
+  SVD_TOWER_MEMBER_saddle1 = 0, SVD_TOWER_MEMBER_saddle2 = 1, SVD_TOWER_MEMBER_saddle3 = 2,
+  SVD_TOWER_MEMBER_saddle4 = 3, SVD_TOWER_MEMBER_saddle5 = 4, SVD_TOWER_MEMBER_saddle6 = 5,
+  SVD_TOWER_MEMBER_vertical1 = 6, SVD_TOWER_MEMBER_vertical2 = 7, SVD_TOWER_MEMBER_vertical3 = 8,
+  SVD_TOWER_MEMBER_vertical4 = 9, SVD_TOWER_MEMBER_vertical5 = 10, SVD_TOWER_MEMBER_vertical6 = 11,
+  SVD_TOWER_MEMBER_diagonal1 = 12, SVD_TOWER_MEMBER_diagonal2 = 13, SVD_TOWER_MEMBER_diagonal3 = 14,
+  SVD_TOWER_MEMBER_diagonal4 = 15, SVD_TOWER_MEMBER_diagonal5 = 16, SVD_TOWER_MEMBER_diagonal6 = 17
 };
 
 /* Index of each coordinate. */
 enum {
-  SVD_TOWER_COORDINATE_bar11_declination = 0,
-  SVD_TOWER_COORDINATE_bar11_azimuth = 1,
-  SVD_TOWER_COORDINATE_bar21_declination = 2,
-  SVD_TOWER_COORDINATE_bar21_azimuth = 3,
-  SVD_TOWER_COORDINATE_bar31_declination = 4,
-  SVD_TOWER_COORDINATE_bar31_azimuth = 5,
-  SVD_TOWER_COORDINATE_bar12_declination = 6,
-  SVD_TOWER_COORDINATE_bar12_azimuth = 7,
-  SVD_TOWER_COORDINATE_bar22_declination = 8,
-  SVD_TOWER_COORDINATE_bar22_azimuth = 9,
-  SVD_TOWER_COORDINATE_bar32_declination = 10,
-  SVD_TOWER_COORDINATE_bar32_azimuth = 11,
-  SVD_TOWER_COORDINATE_top_psi = 12,
-  SVD_TOWER_COORDINATE_top_phi = 13,
-  SVD_TOWER_COORDINATE_top_theta = 14,
-  SVD_TOWER_COORDINATE_top_x = 15,
-  SVD_TOWER_COORDINATE_top_y = 16,
-  SVD_TOWER_COORDINATE_top_z = 17
+  SVD_TOWER_COORDINATE_bar11_declination = 0, SVD_TOWER_COORDINATE_bar11_azimuth = 1,
+  SVD_TOWER_COORDINATE_bar21_declination = 2, SVD_TOWER_COORDINATE_bar21_azimuth = 3,
+  SVD_TOWER_COORDINATE_bar31_declination = 4, SVD_TOWER_COORDINATE_bar31_azimuth = 5,
+  SVD_TOWER_COORDINATE_bar12_declination = 6, SVD_TOWER_COORDINATE_bar12_azimuth = 7,
+  SVD_TOWER_COORDINATE_bar22_declination = 8, SVD_TOWER_COORDINATE_bar22_azimuth = 9,
+  SVD_TOWER_COORDINATE_bar32_declination = 10, SVD_TOWER_COORDINATE_bar32_azimuth = 11,
+  SVD_TOWER_COORDINATE_top_psi = 12, SVD_TOWER_COORDINATE_top_phi = 13,
+  SVD_TOWER_COORDINATE_top_theta = 14, SVD_TOWER_COORDINATE_top_x = 15,
+  SVD_TOWER_COORDINATE_top_y = 16, SVD_TOWER_COORDINATE_top_z = 17
 };
 
 /* Index of each input. */
 enum {
-  SVD_TOWER_INPUT_M1 = 0,
-  SVD_TOWER_INPUT_M2 = 1,
-  SVD_TOWER_INPUT_M3 = 2,
-  SVD_TOWER_INPUT_F1 = 3,
-  SVD_TOWER_INPUT_F2 = 4,
-  SVD_TOWER_INPUT_F3 = 5
+  SVD_TOWER_INPUT_M1 = 0, SVD_TOWER_INPUT_M2 = 1, SVD_TOWER_INPUT_M3 = 2, SVD_TOWER_INPUT_F1 = 3,
+  SVD_TOWER_INPUT_F2 = 4, SVD_TOWER_INPUT_F3 = 5
 };
 
 /* What this library is; texts end in a zero byte. */
@@ -161,7 +121,6 @@ SVD_TOWER_API const char *svd_tower_missing_instruction_set(int k);
 /* "instruction sets:" and the names of those that the library needs beyond the baseline of its architecture. */
 extern SVD_TOWER_API const char svd_tower_instruction_sets[];
 
-
 /* The scene's own values of the arguments, in the units below. */
 extern SVD_TOWER_API const double svd_tower_nominal_coordinate[18];
 extern SVD_TOWER_API const double svd_tower_nominal_velocity[18];
@@ -178,7 +137,7 @@ SVD_TOWER_API int svd_tower_compute_member_length(
     const double coordinate[18],
     double member_length[18]);
 
-/* Member tensions t_e = mu_e (l_e - rho_e) + c_e l_e', positive in tension; zero in slack cables.
+/* Member tensions t_e = mu_e (l_e - rho_e), positive in tension; zero in slack cables.
  *
  *   coordinate (18,) [m, rad]: Positions and angles of the bodies, body by body.
  *   rest_length (18,) [m]: Rest lengths of the changeable members.
@@ -229,7 +188,6 @@ SVD_TOWER_API int svd_tower_compute_total_energy(
 SVD_TOWER_API int svd_tower_compute_chart_margin(
     const double coordinate[18],
     double chart_margin[7]);
-
 
 /* Where each argument begins among the numbers that can change with time. */
 enum {
@@ -294,9 +252,15 @@ SVD_TOWER_API int svd_tower_integrate_rk4_run(
     long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
     long long *n_done, svd_tower_run *run, double work[402]);
 
-
 #ifdef __cplusplus
 }
 #endif
+
+/* Sources.
+ * S&K: S. I. Savin, R. R. Khusainov, "Sparse Node-Distance Coordinate Representation for Tensegrity Structures",
+ * Russian Journal of Nonlinear Dynamics, 18 (5), 2022, pp. 885-898, doi:10.20537/nd221225.
+ * SCS: C. Sultan, M. Corless, R. E. Skelton, "Symmetrical reconfiguration of tensegrity structures", International
+ * Journal of Solids and Structures, 39 (8), 2002, pp. 2215-2234.
+ */
 
 #endif

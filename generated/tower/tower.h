@@ -36,10 +36,7 @@ enum tower_status {
   TOWER_NON_FINITE_INPUT = 1, /* an argument holds a NAN or an infinity */
   TOWER_NON_FINITE_RESULT = 2, /* a result would not be finite, as where the two nodes of a member are at one place */
   TOWER_INVALID_ARGUMENT = 3, /* a step, a count, an index or a time is out of range */
-  TOWER_NULL_POINTER = 4, /* a pointer that is needed is NULL */
-  TOWER_STEP_TOO_SMALL = 5, /* no step that the time can resolve meets the tolerance */
-  TOWER_UNSUPPORTED_MACHINE = 6, /* this machine lacks instructions that native code needs */
-  TOWER_TOO_MANY_EVENTS = 7 /* too many events follow each other within a thousandth of a step */
+  TOWER_NULL_POINTER = 4 /* a pointer that is needed is NULL */
 };
 
 /* Version of this interface, and how many there are of each. A state is all coordinates, then all velocities. */
@@ -55,137 +52,57 @@ enum {
 
 /* Index of each node. */
 enum {
-  TOWER_NODE_b1_1 = 0,
-  TOWER_NODE_b1_2 = 1,
-  TOWER_NODE_b1_3 = 2,
-  TOWER_NODE_t1_1 = 3,
-  TOWER_NODE_t1_2 = 4,
-  TOWER_NODE_t1_3 = 5,
-  TOWER_NODE_b2_1 = 6,
-  TOWER_NODE_b2_2 = 7,
-  TOWER_NODE_b2_3 = 8,
-  TOWER_NODE_t2_1 = 9,
-  TOWER_NODE_t2_2 = 10,
-  TOWER_NODE_t2_3 = 11,
-  TOWER_NODE_b3_1 = 12,
-  TOWER_NODE_b3_2 = 13,
-  TOWER_NODE_b3_3 = 14,
-  TOWER_NODE_t3_1 = 15,
-  TOWER_NODE_t3_2 = 16,
-  TOWER_NODE_t3_3 = 17
+  TOWER_NODE_b1_1 = 0, TOWER_NODE_b1_2 = 1, TOWER_NODE_b1_3 = 2, TOWER_NODE_t1_1 = 3,
+  TOWER_NODE_t1_2 = 4, TOWER_NODE_t1_3 = 5, TOWER_NODE_b2_1 = 6, TOWER_NODE_b2_2 = 7,
+  TOWER_NODE_b2_3 = 8, TOWER_NODE_t2_1 = 9, TOWER_NODE_t2_2 = 10, TOWER_NODE_t2_3 = 11,
+  TOWER_NODE_b3_1 = 12, TOWER_NODE_b3_2 = 13, TOWER_NODE_b3_3 = 14, TOWER_NODE_t3_1 = 15,
+  TOWER_NODE_t3_2 = 16, TOWER_NODE_t3_3 = 17
 };
 
 /* Index of each member. */
 enum {
-  TOWER_MEMBER_bar1_1 = 0,
-  TOWER_MEMBER_bar1_2 = 1,
-  TOWER_MEMBER_bar1_3 = 2,
-  TOWER_MEMBER_vertical1_1 = 3,
-  TOWER_MEMBER_vertical1_2 = 4,
-  TOWER_MEMBER_vertical1_3 = 5,
-  TOWER_MEMBER_bottom1 = 6,
-  TOWER_MEMBER_bottom2 = 7,
-  TOWER_MEMBER_bottom3 = 8,
-  TOWER_MEMBER_bar2_1 = 9,
-  TOWER_MEMBER_bar2_2 = 10,
-  TOWER_MEMBER_bar2_3 = 11,
-  TOWER_MEMBER_vertical2_1 = 12,
-  TOWER_MEMBER_vertical2_2 = 13,
-  TOWER_MEMBER_vertical2_3 = 14,
-  TOWER_MEMBER_bar3_1 = 15,
-  TOWER_MEMBER_bar3_2 = 16,
-  TOWER_MEMBER_bar3_3 = 17,
-  TOWER_MEMBER_vertical3_1 = 18,
-  TOWER_MEMBER_vertical3_2 = 19,
-  TOWER_MEMBER_vertical3_3 = 20,
-  TOWER_MEMBER_top1 = 21,
-  TOWER_MEMBER_top2 = 22,
-  TOWER_MEMBER_top3 = 23,
-  TOWER_MEMBER_saddle1_1 = 24,
-  TOWER_MEMBER_saddle1_2 = 25,
-  TOWER_MEMBER_saddle1_3 = 26,
-  TOWER_MEMBER_saddle1_4 = 27,
-  TOWER_MEMBER_saddle1_5 = 28,
-  TOWER_MEMBER_saddle1_6 = 29,
-  TOWER_MEMBER_diagonal1_1 = 30,
-  TOWER_MEMBER_diagonal1_2 = 31,
-  TOWER_MEMBER_diagonal1_3 = 32,
-  TOWER_MEMBER_diagonal1_4 = 33,
-  TOWER_MEMBER_diagonal1_5 = 34,
-  TOWER_MEMBER_diagonal1_6 = 35,
-  TOWER_MEMBER_saddle2_1 = 36,
-  TOWER_MEMBER_saddle2_2 = 37,
-  TOWER_MEMBER_saddle2_3 = 38,
-  TOWER_MEMBER_saddle2_4 = 39,
-  TOWER_MEMBER_saddle2_5 = 40,
-  TOWER_MEMBER_saddle2_6 = 41,
-  TOWER_MEMBER_diagonal2_1 = 42,
-  TOWER_MEMBER_diagonal2_2 = 43,
-  TOWER_MEMBER_diagonal2_3 = 44,
-  TOWER_MEMBER_diagonal2_4 = 45,
-  TOWER_MEMBER_diagonal2_5 = 46,
-  TOWER_MEMBER_diagonal2_6 = 47
+  TOWER_MEMBER_bar1_1 = 0, TOWER_MEMBER_bar1_2 = 1, TOWER_MEMBER_bar1_3 = 2,
+  TOWER_MEMBER_vertical1_1 = 3, TOWER_MEMBER_vertical1_2 = 4, TOWER_MEMBER_vertical1_3 = 5,
+  TOWER_MEMBER_bottom1 = 6, TOWER_MEMBER_bottom2 = 7, TOWER_MEMBER_bottom3 = 8,
+  TOWER_MEMBER_bar2_1 = 9, TOWER_MEMBER_bar2_2 = 10, TOWER_MEMBER_bar2_3 = 11,
+  TOWER_MEMBER_vertical2_1 = 12, TOWER_MEMBER_vertical2_2 = 13, TOWER_MEMBER_vertical2_3 = 14,
+  TOWER_MEMBER_bar3_1 = 15, TOWER_MEMBER_bar3_2 = 16, TOWER_MEMBER_bar3_3 = 17,
+  TOWER_MEMBER_vertical3_1 = 18, TOWER_MEMBER_vertical3_2 = 19, TOWER_MEMBER_vertical3_3 = 20,
+  TOWER_MEMBER_top1 = 21, TOWER_MEMBER_top2 = 22, TOWER_MEMBER_top3 = 23,
+  TOWER_MEMBER_saddle1_1 = 24, TOWER_MEMBER_saddle1_2 = 25, TOWER_MEMBER_saddle1_3 = 26,
+  TOWER_MEMBER_saddle1_4 = 27, TOWER_MEMBER_saddle1_5 = 28, TOWER_MEMBER_saddle1_6 = 29,
+  TOWER_MEMBER_diagonal1_1 = 30, TOWER_MEMBER_diagonal1_2 = 31, TOWER_MEMBER_diagonal1_3 = 32,
+  TOWER_MEMBER_diagonal1_4 = 33, TOWER_MEMBER_diagonal1_5 = 34, TOWER_MEMBER_diagonal1_6 = 35,
+  TOWER_MEMBER_saddle2_1 = 36, TOWER_MEMBER_saddle2_2 = 37, TOWER_MEMBER_saddle2_3 = 38,
+  TOWER_MEMBER_saddle2_4 = 39, TOWER_MEMBER_saddle2_5 = 40, TOWER_MEMBER_saddle2_6 = 41,
+  TOWER_MEMBER_diagonal2_1 = 42, TOWER_MEMBER_diagonal2_2 = 43, TOWER_MEMBER_diagonal2_3 = 44,
+  TOWER_MEMBER_diagonal2_4 = 45, TOWER_MEMBER_diagonal2_5 = 46, TOWER_MEMBER_diagonal2_6 = 47
 };
 
 /* Index of each coordinate. */
 enum {
-  TOWER_COORDINATE_b1_1_x = 0,
-  TOWER_COORDINATE_b1_1_y = 1,
-  TOWER_COORDINATE_b1_2_x = 2,
-  TOWER_COORDINATE_b1_2_y = 3,
-  TOWER_COORDINATE_b1_3_x = 4,
-  TOWER_COORDINATE_b1_3_y = 5,
-  TOWER_COORDINATE_t1_1_x = 6,
-  TOWER_COORDINATE_t1_1_y = 7,
-  TOWER_COORDINATE_t1_1_z = 8,
-  TOWER_COORDINATE_t1_2_x = 9,
-  TOWER_COORDINATE_t1_2_y = 10,
-  TOWER_COORDINATE_t1_2_z = 11,
-  TOWER_COORDINATE_t1_3_x = 12,
-  TOWER_COORDINATE_t1_3_y = 13,
-  TOWER_COORDINATE_t1_3_z = 14,
-  TOWER_COORDINATE_b2_1_x = 15,
-  TOWER_COORDINATE_b2_1_y = 16,
-  TOWER_COORDINATE_b2_1_z = 17,
-  TOWER_COORDINATE_b2_2_x = 18,
-  TOWER_COORDINATE_b2_2_y = 19,
-  TOWER_COORDINATE_b2_2_z = 20,
-  TOWER_COORDINATE_b2_3_x = 21,
-  TOWER_COORDINATE_b2_3_y = 22,
-  TOWER_COORDINATE_b2_3_z = 23,
-  TOWER_COORDINATE_t2_1_x = 24,
-  TOWER_COORDINATE_t2_1_y = 25,
-  TOWER_COORDINATE_t2_1_z = 26,
-  TOWER_COORDINATE_t2_2_x = 27,
-  TOWER_COORDINATE_t2_2_y = 28,
-  TOWER_COORDINATE_t2_2_z = 29,
-  TOWER_COORDINATE_t2_3_x = 30,
-  TOWER_COORDINATE_t2_3_y = 31,
-  TOWER_COORDINATE_t2_3_z = 32,
-  TOWER_COORDINATE_b3_1_x = 33,
-  TOWER_COORDINATE_b3_1_y = 34,
-  TOWER_COORDINATE_b3_1_z = 35,
-  TOWER_COORDINATE_b3_2_x = 36,
-  TOWER_COORDINATE_b3_2_y = 37,
-  TOWER_COORDINATE_b3_2_z = 38,
-  TOWER_COORDINATE_b3_3_x = 39,
-  TOWER_COORDINATE_b3_3_y = 40,
-  TOWER_COORDINATE_b3_3_z = 41,
-  TOWER_COORDINATE_t3_1_x = 42,
-  TOWER_COORDINATE_t3_1_y = 43,
-  TOWER_COORDINATE_t3_1_z = 44,
-  TOWER_COORDINATE_t3_2_x = 45,
-  TOWER_COORDINATE_t3_2_y = 46,
-  TOWER_COORDINATE_t3_2_z = 47,
-  TOWER_COORDINATE_t3_3_x = 48,
-  TOWER_COORDINATE_t3_3_y = 49,
-  TOWER_COORDINATE_t3_3_z = 50
+  TOWER_COORDINATE_b1_1_x = 0, TOWER_COORDINATE_b1_1_y = 1, TOWER_COORDINATE_b1_2_x = 2,
+  TOWER_COORDINATE_b1_2_y = 3, TOWER_COORDINATE_b1_3_x = 4, TOWER_COORDINATE_b1_3_y = 5,
+  TOWER_COORDINATE_t1_1_x = 6, TOWER_COORDINATE_t1_1_y = 7, TOWER_COORDINATE_t1_1_z = 8,
+  TOWER_COORDINATE_t1_2_x = 9, TOWER_COORDINATE_t1_2_y = 10, TOWER_COORDINATE_t1_2_z = 11,
+  TOWER_COORDINATE_t1_3_x = 12, TOWER_COORDINATE_t1_3_y = 13, TOWER_COORDINATE_t1_3_z = 14,
+  TOWER_COORDINATE_b2_1_x = 15, TOWER_COORDINATE_b2_1_y = 16, TOWER_COORDINATE_b2_1_z = 17,
+  TOWER_COORDINATE_b2_2_x = 18, TOWER_COORDINATE_b2_2_y = 19, TOWER_COORDINATE_b2_2_z = 20,
+  TOWER_COORDINATE_b2_3_x = 21, TOWER_COORDINATE_b2_3_y = 22, TOWER_COORDINATE_b2_3_z = 23,
+  TOWER_COORDINATE_t2_1_x = 24, TOWER_COORDINATE_t2_1_y = 25, TOWER_COORDINATE_t2_1_z = 26,
+  TOWER_COORDINATE_t2_2_x = 27, TOWER_COORDINATE_t2_2_y = 28, TOWER_COORDINATE_t2_2_z = 29,
+  TOWER_COORDINATE_t2_3_x = 30, TOWER_COORDINATE_t2_3_y = 31, TOWER_COORDINATE_t2_3_z = 32,
+  TOWER_COORDINATE_b3_1_x = 33, TOWER_COORDINATE_b3_1_y = 34, TOWER_COORDINATE_b3_1_z = 35,
+  TOWER_COORDINATE_b3_2_x = 36, TOWER_COORDINATE_b3_2_y = 37, TOWER_COORDINATE_b3_2_z = 38,
+  TOWER_COORDINATE_b3_3_x = 39, TOWER_COORDINATE_b3_3_y = 40, TOWER_COORDINATE_b3_3_z = 41,
+  TOWER_COORDINATE_t3_1_x = 42, TOWER_COORDINATE_t3_1_y = 43, TOWER_COORDINATE_t3_1_z = 44,
+  TOWER_COORDINATE_t3_2_x = 45, TOWER_COORDINATE_t3_2_y = 46, TOWER_COORDINATE_t3_2_z = 47,
+  TOWER_COORDINATE_t3_3_x = 48, TOWER_COORDINATE_t3_3_y = 49, TOWER_COORDINATE_t3_3_z = 50
 };
 
 /* Index of each input. */
 enum {
-  TOWER_INPUT_bend = 0,
-  TOWER_INPUT_push = 1
+  TOWER_INPUT_bend = 0, TOWER_INPUT_push = 1
 };
 
 /* What this library is; texts end in a zero byte. */
@@ -281,7 +198,6 @@ TOWER_API int tower_compute_total_energy(
     const double gravity[3],
     double total_energy[1]);
 
-
 /* Where each argument begins among the numbers that can change with time. */
 enum {
   TOWER_PLACE_INPUT = 0,
@@ -349,9 +265,13 @@ TOWER_API int tower_integrate_rk4_run(
     long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
     long long *n_done, tower_run *run, double work[1088]);
 
-
 #ifdef __cplusplus
 }
 #endif
+
+/* Sources.
+ * S&K: S. I. Savin, R. R. Khusainov, "Sparse Node-Distance Coordinate Representation for Tensegrity Structures",
+ * Russian Journal of Nonlinear Dynamics, 18 (5), 2022, pp. 885-898, doi:10.20537/nd221225.
+ */
 
 #endif

@@ -19,9 +19,6 @@ const two_nodes_description two_nodes_descriptor = {
 #if defined(TENSEGRITY_NATIVE)
 #error "no machine check in this file: generate it with flags = \"native\" to compile it with TENSEGRITY_NATIVE"
 #endif
-#define TENSEGRITY_PLAIN
-#define TENSEGRITY_APART
-#define TENSEGRITY_CHECK_MACHINE
 
 const char two_nodes_instruction_sets[] = "instruction sets:";
 
@@ -33,33 +30,6 @@ const char *two_nodes_missing_instruction_set(int k)
   return NULL;
 }
 
-
-#ifndef TWO_NODES_WITHOUT_TEXT
-TENSEGRITY_PLAIN const char *two_nodes_status_text(int status)
-{
-  switch (status) {
-  case TWO_NODES_OK:
-    return "the results are there";
-  case TWO_NODES_NON_FINITE_INPUT:
-    return "an argument holds a NAN or an infinity";
-  case TWO_NODES_NON_FINITE_RESULT:
-    return "a result would not be finite, as where the two nodes of a member are at one place";
-  case TWO_NODES_INVALID_ARGUMENT:
-    return "a step, a count, an index or a time is out of range";
-  case TWO_NODES_NULL_POINTER:
-    return "a pointer that is needed is NULL";
-  case TWO_NODES_STEP_TOO_SMALL:
-    return "no step that the time can resolve meets the tolerance";
-  case TWO_NODES_UNSUPPORTED_MACHINE:
-    return "this machine lacks instructions that native code needs";
-  case TWO_NODES_TOO_MANY_EVENTS:
-    return "too many events follow each other within a thousandth of a step";
-  default:
-    return "unknown status";
-  }
-}
-#endif
-
 const int two_nodes_coordinate_node[3] = {1, 1, 1};
 const int two_nodes_coordinate_axis[3] = {0, 1, 2};
 
@@ -67,7 +37,6 @@ const double two_nodes_nominal_coordinate[3] = {
     0.0, 0.0, -1.0};
 const double two_nodes_nominal_velocity[3] = {
     0.0};
-
 
 #ifndef TWO_NODES_WITHOUT_TEXT
 const char two_nodes_node_name[2][3] = {
@@ -78,51 +47,22 @@ const char two_nodes_coordinate_name[3][5] = {
     "n2_x", "n2_y", "n2_z"};
 #endif
 
-
-#if defined(__GNUC__)
-#if defined(__AVX512F__)
-#define FINITE_BYTES 64
-#elif defined(__AVX__)
-#define FINITE_BYTES 32
-#else
-#define FINITE_BYTES 16
-#endif
-enum { FINITE_ROW = FINITE_BYTES / sizeof(double) };
-typedef double finite_row __attribute__((vector_size(FINITE_BYTES)));
-typedef double finite_load __attribute__((vector_size(FINITE_BYTES), aligned(sizeof(double)), may_alias));
-#endif
-
-/* Non-zero if every value is finite: their sum is finite then, unless huge ones overflow, else x - x is NAN somewhere.
- * Four sums, so that none waits for the last. */
+/* Non-zero if every value is finite: zero times a finite number is zero, times any other it is NAN. Four sums, so that
+ * none waits for the last. */
 static int all_finite(const double *values, int count)
 {
-  double sum = 0.0;
-  int j;
+  double a = 0.0, b = 0.0, c = 0.0, d = 0.0;
   int k = 0;
-#if defined(__GNUC__)
-  finite_row a = {0.0}, b = a, c = a, d = a;
-  for (; k + 4 * FINITE_ROW <= count; k += 4 * FINITE_ROW) {
-    const finite_load *v = (const finite_load *)(const void *)(values + k);
-    a += v[0];
-    b += v[1];
-    c += v[2];
-    d += v[3];
+  for (; k + 4 <= count; k += 4) {
+    a += 0.0 * values[k];
+    b += 0.0 * values[k + 1];
+    c += 0.0 * values[k + 2];
+    d += 0.0 * values[k + 3];
   }
-  a += b + (c + d);
-  for (j = 0; j < FINITE_ROW; ++j) {
-    sum += a[j];
-  }
-#endif
   for (; k < count; ++k) {
-    sum += values[k];
+    a += 0.0 * values[k];
   }
-  if (sum - sum == 0.0) {
-    return 1;
-  }
-  for (sum = 0.0, j = 0; j < count; ++j) {
-    sum += values[j] - values[j];
-  }
-  return sum == 0.0;
+  return a + b + (c + d) == 0.0;
 }
 
 static void fill_nan(double *values, int count)
@@ -132,7 +72,6 @@ static void fill_nan(double *values, int count)
     values[k] = NAN;
   }
 }
-
 
 static void member_tension_kernel(
     const double *TENSEGRITY_RESTRICT coordinate,
@@ -236,12 +175,13 @@ int two_nodes_compute_total_energy(
 /* What the integrators below are written against: sizes, what the functions take beside coordinate and velocity, and
  * how these are called. */
 enum {
-  N = 3 /* coordinates */
+  N = 3, /* coordinates */
+  N_STATES = 2 * N /* coordinates, velocities */
 };
+
 typedef struct {
   int none;
 } motion_arguments;
-
 
 /* Non-zero for a finite number. Times are doubles, whatever the precision of the state. */
 static int is_finite(double number) { return number - number == 0.0; }
@@ -255,7 +195,6 @@ static void motion_slope(
   acceleration_kernel(coordinate, result);
 }
 
-
 /* State at fraction s of a step: quintic Hermite on (q, v, a) of both ends; exact at both ends. It is the integral of
  * the cubic through (v, a), plus a defect of fifth order, which is dropped where it is rounding of the coordinates:
  * over a tiny step that would be much in the velocities. */
@@ -264,7 +203,7 @@ static void motion_interpolate(
 {
   /* What rounding leaves of the defect, squared, beside the squares of the coordinates. */
   const double rounding = 1e-30;
-  const double *q0 = old, *v0 = old + N, *a0 = old + 2 * N;
+  const double *q0 = old, *v0 = old + N, *a0 = old + N_STATES;
   int k;
   for (k = 0; k < N; ++k) {
     const double b0 = h * a0[k], b1 = h * a1[k], rise = v1[k] - v0[k];
@@ -296,32 +235,6 @@ typedef struct {
 static double motion_next_sample(const motion_samples *to)
 {
   return *to->n_filled < to->count ? to->time[*to->n_filled] : INFINITY;
-}
-
-/* Derivative (v, a) of the state (q, v). */
-static void motion_rate(const double *state, const motion_arguments *with, double *rate)
-{
-  int k;
-  for (k = 0; k < N; ++k) {
-    rate[k] = state[N + k];
-  }
-  motion_slope(state, state + N, with, rate + N);
-}
-
-/* Fill the samples up to t1, on a step from `old` (q, v, a) at t0 to `state` with acceleration `a`; spare: n. */
-static void motion_sample(
-    double t0, double h, double t1, const double *old, const double *state, const double *a,
-        const motion_arguments *with,
-    double *spare, const motion_samples *to)
-{
-  (void)with;
-  (void)spare;
-  for (; motion_next_sample(to) <= t1; ++*to->n_filled) {
-    const double time = motion_next_sample(to);
-    const double s = t1 <= time ? 1.0 : (double)((time - t0) / h);
-    double *sample = to->state + *to->n_filled * 2 * N;
-    motion_interpolate(s, (double)h, old, state, state + N, a, sample);
-  }
 }
 
 /* Memory of one integration. */
@@ -414,19 +327,18 @@ static int rk4_check(
   if (!(step > 0.0) || first_step < 0 || n_steps < 0 || *to->n_filled < 0) {
     return TWO_NODES_INVALID_ARGUMENT;
   }
-  if (!is_finite(time_start) || !is_finite(step) || !all_finite(state, 2 * N)) {
+  if (!is_finite(time_start) || !is_finite(step) || !all_finite(state, N_STATES)) {
     return TWO_NODES_NON_FINITE_INPUT;
   }
   return TWO_NODES_OK;
 }
 
-TENSEGRITY_PLAIN int two_nodes_integrate_rk4(
+int two_nodes_integrate_rk4(
     double time_start, double step, long long first_step, long long n_steps,
     double state[6],
     long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
     long long *n_done, double work[39])
 {
-  TENSEGRITY_CHECK_MACHINE
   motion_arguments with;
   const motion_samples to = {n_samples, sample_time, sample_state, n_sampled};
   const int status = rk4_check(step, time_start, first_step, n_steps, state, &to, n_done, work);
@@ -435,6 +347,22 @@ TENSEGRITY_PLAIN int two_nodes_integrate_rk4(
       time_start, step, first_step, n_steps, state, &with, &to, n_done, (rk4_work *)(void *)work);
 }
 
-
-
-
+#ifndef TWO_NODES_WITHOUT_TEXT
+const char *two_nodes_status_text(int status)
+{
+  switch (status) {
+  case TWO_NODES_OK:
+    return "the results are there";
+  case TWO_NODES_NON_FINITE_INPUT:
+    return "an argument holds a NAN or an infinity";
+  case TWO_NODES_NON_FINITE_RESULT:
+    return "a result would not be finite, as where the two nodes of a member are at one place";
+  case TWO_NODES_INVALID_ARGUMENT:
+    return "a step, a count, an index or a time is out of range";
+  case TWO_NODES_NULL_POINTER:
+    return "a pointer that is needed is NULL";
+  default:
+    return "unknown status";
+  }
+}
+#endif

@@ -37,10 +37,7 @@ enum two_nodes_status {
   TWO_NODES_NON_FINITE_RESULT = 2,
       /* a result would not be finite, as where the two nodes of a member are at one place */
   TWO_NODES_INVALID_ARGUMENT = 3, /* a step, a count, an index or a time is out of range */
-  TWO_NODES_NULL_POINTER = 4, /* a pointer that is needed is NULL */
-  TWO_NODES_STEP_TOO_SMALL = 5, /* no step that the time can resolve meets the tolerance */
-  TWO_NODES_UNSUPPORTED_MACHINE = 6, /* this machine lacks instructions that native code needs */
-  TWO_NODES_TOO_MANY_EVENTS = 7 /* too many events follow each other within a thousandth of a step */
+  TWO_NODES_NULL_POINTER = 4 /* a pointer that is needed is NULL */
 };
 
 /* Version of this interface, and how many there are of each. A state is all coordinates, then all velocities. */
@@ -50,14 +47,12 @@ enum {
   TWO_NODES_N_MEMBERS = 1,
   TWO_NODES_N_AXES = 3,
   TWO_NODES_N_COORDINATES = 3,
-  TWO_NODES_N_STATES = 6,
-  TWO_NODES_N_INPUTS = 0
+  TWO_NODES_N_STATES = 6
 };
 
 /* Index of each node. */
 enum {
-  TWO_NODES_NODE_n1 = 0,
-  TWO_NODES_NODE_n2 = 1
+  TWO_NODES_NODE_n1 = 0, TWO_NODES_NODE_n2 = 1
 };
 
 /* Index of each member. */
@@ -67,9 +62,7 @@ enum {
 
 /* Index of each coordinate. */
 enum {
-  TWO_NODES_COORDINATE_n2_x = 0,
-  TWO_NODES_COORDINATE_n2_y = 1,
-  TWO_NODES_COORDINATE_n2_z = 2
+  TWO_NODES_COORDINATE_n2_x = 0, TWO_NODES_COORDINATE_n2_y = 1, TWO_NODES_COORDINATE_n2_z = 2
 };
 
 /* What this library is; texts end in a zero byte. */
@@ -109,7 +102,7 @@ extern TWO_NODES_API const int two_nodes_coordinate_axis[3];
 extern TWO_NODES_API const double two_nodes_nominal_coordinate[3];
 extern TWO_NODES_API const double two_nodes_nominal_velocity[3];
 
-/* Member tensions t_e = mu_e (l_e - rho_e) + c_e l_e', positive in tension; zero in slack cables.
+/* Member tensions t_e = mu_e (l_e - rho_e), positive in tension; zero in slack cables.
  *
  *   coordinate (3,) [m]: Free node coordinates, node by node.
  *   returns member_tension (1,) [N]
@@ -158,9 +151,13 @@ TWO_NODES_API int two_nodes_integrate_rk4(
     long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
     long long *n_done, double work[39]);
 
-
 #ifdef __cplusplus
 }
 #endif
+
+/* Sources.
+ * S&K: S. I. Savin, R. R. Khusainov, "Sparse Node-Distance Coordinate Representation for Tensegrity Structures",
+ * Russian Journal of Nonlinear Dynamics, 18 (5), 2022, pp. 885-898, doi:10.20537/nd221225.
+ */
 
 #endif
