@@ -139,9 +139,7 @@ extern ICOSAHEDRON_API const double icosahedron_nominal_velocity[36];
  *   returns member_tension (30,) [N]
  *   690 operations. Source: S&K 2.
  */
-ICOSAHEDRON_API int icosahedron_compute_member_tension(
-    const double coordinate[36],
-    const double velocity[36],
+ICOSAHEDRON_API int icosahedron_compute_member_tension(const double coordinate[36], const double velocity[36],
     double member_tension[30]);
 
 /* Accelerations q'' = H^-1 f of the free coordinates.
@@ -151,9 +149,7 @@ ICOSAHEDRON_API int icosahedron_compute_member_tension(
  *   returns acceleration (36,) [m/s2]
  *   1070 operations. Source: S&K 2.
  */
-ICOSAHEDRON_API int icosahedron_compute_acceleration(
-    const double coordinate[36],
-    const double velocity[36],
+ICOSAHEDRON_API int icosahedron_compute_acceleration(const double coordinate[36], const double velocity[36],
     double acceleration[36]);
 
 /* Kinetic plus potential energy.
@@ -163,9 +159,7 @@ ICOSAHEDRON_API int icosahedron_compute_acceleration(
  *   returns total_energy scalar [J]
  *   631 operations. Source: S&K 2.
  */
-ICOSAHEDRON_API int icosahedron_compute_total_energy(
-    const double coordinate[36],
-    const double velocity[36],
+ICOSAHEDRON_API int icosahedron_compute_total_energy(const double coordinate[36], const double velocity[36],
     double total_energy[1]);
 
 /* Classical Runge-Kutta 4 with a fixed step, from step `first_step` on, and dense output by quintic Hermite

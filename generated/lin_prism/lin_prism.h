@@ -109,9 +109,7 @@ extern LIN_PRISM_API const double lin_prism_nominal_velocity[6];
  *   returns member_length (6,) [m]
  *   84 operations. Source: S&K 2.
  */
-LIN_PRISM_API int lin_prism_compute_member_length(
-    const double coordinate[6],
-    double member_length[6]);
+LIN_PRISM_API int lin_prism_compute_member_length(const double coordinate[6], double member_length[6]);
 
 /* Member tensions t_e = mu_e (l_e - rho_e), positive in tension.
  *
@@ -119,9 +117,7 @@ LIN_PRISM_API int lin_prism_compute_member_length(
  *   returns member_tension (6,) [N]
  *   96 operations. Source: S&K 2.
  */
-LIN_PRISM_API int lin_prism_compute_member_tension(
-    const double coordinate[6],
-    double member_tension[6]);
+LIN_PRISM_API int lin_prism_compute_member_tension(const double coordinate[6], double member_tension[6]);
 
 /* Accelerations q'' = M^-1 (f - c) of the coordinates.
  *
@@ -130,9 +126,7 @@ LIN_PRISM_API int lin_prism_compute_member_tension(
  *   returns acceleration (6,) [m/s2, rad/s2]
  *   315 operations. Source: S&K 2.
  */
-LIN_PRISM_API int lin_prism_compute_acceleration(
-    const double coordinate[6],
-    const double velocity[6],
+LIN_PRISM_API int lin_prism_compute_acceleration(const double coordinate[6], const double velocity[6],
     double acceleration[6]);
 
 /* Kinetic plus potential energy.
@@ -142,9 +136,7 @@ LIN_PRISM_API int lin_prism_compute_acceleration(
  *   returns total_energy scalar [J]
  *   134 operations. Source: S&K 2.
  */
-LIN_PRISM_API int lin_prism_compute_total_energy(
-    const double coordinate[6],
-    const double velocity[6],
+LIN_PRISM_API int lin_prism_compute_total_energy(const double coordinate[6], const double velocity[6],
     double total_energy[1]);
 
 /* Sine of the angle from each bar to the pole of its chart, cos(phi) of a rigid body; 0 at the pole.
@@ -153,9 +145,7 @@ LIN_PRISM_API int lin_prism_compute_total_energy(
  *   returns chart_margin (3,) [1]
  *   3 operations. Source: SCS 3.
  */
-LIN_PRISM_API int lin_prism_compute_chart_margin(
-    const double coordinate[6],
-    double chart_margin[3]);
+LIN_PRISM_API int lin_prism_compute_chart_margin(const double coordinate[6], double chart_margin[3]);
 
 /* Classical Runge-Kutta 4 with a fixed step, from step `first_step` on, and dense output by quintic Hermite
  * interpolation between steps. Time after step k is time_start + k * step.

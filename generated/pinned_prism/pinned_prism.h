@@ -123,9 +123,7 @@ extern PINNED_PRISM_API const double pinned_prism_nominal_input[9];
  *   returns member_length (9,) [m]
  *   98 operations. Source: S&K 2.
  */
-PINNED_PRISM_API int pinned_prism_compute_member_length(
-    const double coordinate[6],
-    double member_length[9]);
+PINNED_PRISM_API int pinned_prism_compute_member_length(const double coordinate[6], double member_length[9]);
 
 /* Member tensions t_e = mu_e (l_e - rho_e), positive in tension; zero in slack cables.
  *
@@ -134,9 +132,7 @@ PINNED_PRISM_API int pinned_prism_compute_member_length(
  *   returns member_tension (9,) [N]
  *   161 operations. Source: S&K 2.
  */
-PINNED_PRISM_API int pinned_prism_compute_member_tension(
-    const double coordinate[6],
-    const double input[9],
+PINNED_PRISM_API int pinned_prism_compute_member_tension(const double coordinate[6], const double input[9],
     double member_tension[9]);
 
 /* Accelerations q'' = M^-1 (f - c) of the coordinates.
@@ -147,11 +143,8 @@ PINNED_PRISM_API int pinned_prism_compute_member_tension(
  *   returns acceleration (6,) [m/s2, rad/s2]
  *   450 operations. Source: S&K 2.
  */
-PINNED_PRISM_API int pinned_prism_compute_acceleration(
-    const double coordinate[6],
-    const double velocity[6],
-    const double input[9],
-    double acceleration[6]);
+PINNED_PRISM_API int pinned_prism_compute_acceleration(const double coordinate[6], const double velocity[6],
+    const double input[9], double acceleration[6]);
 
 /* Where each argument begins among the numbers that can change with time. */
 enum {

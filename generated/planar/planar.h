@@ -110,9 +110,7 @@ extern PLANAR_API const double planar_nominal_velocity[5];
  *   returns member_tension (6,) [N]
  *   57 operations. Source: S&K 2.
  */
-PLANAR_API int planar_compute_member_tension(
-    const double coordinate[5],
-    const double velocity[5],
+PLANAR_API int planar_compute_member_tension(const double coordinate[5], const double velocity[5],
     double member_tension[6]);
 
 /* Accelerations q'' = H^-1 f of the free coordinates.
@@ -122,9 +120,7 @@ PLANAR_API int planar_compute_member_tension(
  *   returns acceleration (5,) [m/s2]
  *   96 operations. Source: S&K 2.
  */
-PLANAR_API int planar_compute_acceleration(
-    const double coordinate[5],
-    const double velocity[5],
+PLANAR_API int planar_compute_acceleration(const double coordinate[5], const double velocity[5],
     double acceleration[5]);
 
 /* Kinetic plus potential energy.
@@ -134,9 +130,7 @@ PLANAR_API int planar_compute_acceleration(
  *   returns total_energy scalar [J]
  *   81 operations. Source: S&K 2.
  */
-PLANAR_API int planar_compute_total_energy(
-    const double coordinate[5],
-    const double velocity[5],
+PLANAR_API int planar_compute_total_energy(const double coordinate[5], const double velocity[5],
     double total_energy[1]);
 
 /* Classical Runge-Kutta 4 with a fixed step, from step `first_step` on, and dense output by quintic Hermite

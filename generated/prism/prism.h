@@ -115,9 +115,7 @@ extern PRISM_API const double prism_nominal_velocity[15];
  *   returns member_length (12,) [m]
  *   90 operations. Source: S&K 2.
  */
-PRISM_API int prism_compute_member_length(
-    const double coordinate[15],
-    double member_length[12]);
+PRISM_API int prism_compute_member_length(const double coordinate[15], double member_length[12]);
 
 /* Member tensions t_e = mu_e (l_e - rho_e), positive in tension; zero in slack cables.
  *
@@ -125,9 +123,7 @@ PRISM_API int prism_compute_member_length(
  *   returns member_tension (12,) [N]
  *   141 operations. Source: S&K 2.
  */
-PRISM_API int prism_compute_member_tension(
-    const double coordinate[15],
-    double member_tension[12]);
+PRISM_API int prism_compute_member_tension(const double coordinate[15], double member_tension[12]);
 
 /* Static force on every free coordinate; zero in equilibrium.
  *
@@ -135,9 +131,7 @@ PRISM_API int prism_compute_member_tension(
  *   returns node_residual (15,) [N]
  *   234 operations. Source: S&K 2.
  */
-PRISM_API int prism_compute_node_residual(
-    const double coordinate[15],
-    double node_residual[15]);
+PRISM_API int prism_compute_node_residual(const double coordinate[15], double node_residual[15]);
 
 /* Strain energy minus the work of gravity and loads.
  *
@@ -145,9 +139,7 @@ PRISM_API int prism_compute_node_residual(
  *   returns potential_energy scalar [J]
  *   170 operations. Source: S&K 2.
  */
-PRISM_API int prism_compute_potential_energy(
-    const double coordinate[15],
-    double potential_energy[1]);
+PRISM_API int prism_compute_potential_energy(const double coordinate[15], double potential_energy[1]);
 
 /* Kinetic plus potential energy.
  *
@@ -156,9 +148,7 @@ PRISM_API int prism_compute_potential_energy(
  *   returns total_energy scalar [J]
  *   233 operations. Source: S&K 2.
  */
-PRISM_API int prism_compute_total_energy(
-    const double coordinate[15],
-    const double velocity[15],
+PRISM_API int prism_compute_total_energy(const double coordinate[15], const double velocity[15],
     double total_energy[1]);
 
 /* Sparsity of tangent_stiffness, 15 x 15, in compressed columns: row of each non-zero,
@@ -173,9 +163,7 @@ extern PRISM_API const int prism_tangent_stiffness_column_start[16];
  *   returns tangent_stiffness (15, 15) [N/m], the non-zeros column by column
  *   465 operations. Source: S&K 5.
  */
-PRISM_API int prism_compute_tangent_stiffness(
-    const double coordinate[15],
-    double tangent_stiffness[189]);
+PRISM_API int prism_compute_tangent_stiffness(const double coordinate[15], double tangent_stiffness[189]);
 
 /* Accelerations q'' = H^-1 f of the free coordinates.
  *
@@ -183,9 +171,7 @@ PRISM_API int prism_compute_tangent_stiffness(
  *   returns acceleration (15,) [m/s2]
  *   273 operations. Source: S&K 2.
  */
-PRISM_API int prism_compute_acceleration(
-    const double coordinate[15],
-    double acceleration[15]);
+PRISM_API int prism_compute_acceleration(const double coordinate[15], double acceleration[15]);
 
 /* Classical Runge-Kutta 4 with a fixed step, from step `first_step` on, and dense output by quintic Hermite
  * interpolation between steps. Time after step k is time_start + k * step.

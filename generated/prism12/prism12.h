@@ -125,9 +125,7 @@ extern PRISM12_API const double prism12_nominal_input[6];
  *   returns member_tension (15,) [N]
  *   207 operations. Source: S&K 2.
  */
-PRISM12_API int prism12_compute_member_tension(
-    const double coordinate[18],
-    const double input[6],
+PRISM12_API int prism12_compute_member_tension(const double coordinate[18], const double input[6],
     double member_tension[15]);
 
 /* Accelerations q'' = H^-1 f of the free coordinates.
@@ -137,9 +135,7 @@ PRISM12_API int prism12_compute_member_tension(
  *   returns acceleration (18,) [m/s2]
  *   357 operations. Source: S&K 2.
  */
-PRISM12_API int prism12_compute_acceleration(
-    const double coordinate[18],
-    const double input[6],
+PRISM12_API int prism12_compute_acceleration(const double coordinate[18], const double input[6],
     double acceleration[18]);
 
 /* Kinetic plus potential energy.
@@ -150,11 +146,8 @@ PRISM12_API int prism12_compute_acceleration(
  *   returns total_energy scalar [J]
  *   290 operations. Source: S&K 2.
  */
-PRISM12_API int prism12_compute_total_energy(
-    const double coordinate[18],
-    const double velocity[18],
-    const double input[6],
-    double total_energy[1]);
+PRISM12_API int prism12_compute_total_energy(const double coordinate[18], const double velocity[18],
+    const double input[6], double total_energy[1]);
 
 #ifdef __cplusplus
 }

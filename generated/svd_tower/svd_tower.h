@@ -133,9 +133,7 @@ extern SVD_TOWER_API const double svd_tower_nominal_rest_length[18];
  *   returns member_length (18,) [m]
  *   247 operations. Source: S&K 2.
  */
-SVD_TOWER_API int svd_tower_compute_member_length(
-    const double coordinate[18],
-    double member_length[18]);
+SVD_TOWER_API int svd_tower_compute_member_length(const double coordinate[18], double member_length[18]);
 
 /* Member tensions t_e = mu_e (l_e - rho_e), positive in tension; zero in slack cables.
  *
@@ -144,9 +142,7 @@ SVD_TOWER_API int svd_tower_compute_member_length(
  *   returns member_tension (18,) [N]
  *   355 operations. Source: S&K 2.
  */
-SVD_TOWER_API int svd_tower_compute_member_tension(
-    const double coordinate[18],
-    const double rest_length[18],
+SVD_TOWER_API int svd_tower_compute_member_tension(const double coordinate[18], const double rest_length[18],
     double member_tension[18]);
 
 /* Accelerations q'' = M^-1 (f - c) of the coordinates.
@@ -158,12 +154,8 @@ SVD_TOWER_API int svd_tower_compute_member_tension(
  *   returns acceleration (18,) [m/s2, rad/s2]
  *   3659 operations. Source: S&K 2.
  */
-SVD_TOWER_API int svd_tower_compute_acceleration(
-    const double coordinate[18],
-    const double velocity[18],
-    const double input[6],
-    const double rest_length[18],
-    double acceleration[18]);
+SVD_TOWER_API int svd_tower_compute_acceleration(const double coordinate[18], const double velocity[18],
+    const double input[6], const double rest_length[18], double acceleration[18]);
 
 /* Kinetic plus potential energy.
  *
@@ -173,11 +165,8 @@ SVD_TOWER_API int svd_tower_compute_acceleration(
  *   returns total_energy scalar [J]
  *   611 operations. Source: S&K 2.
  */
-SVD_TOWER_API int svd_tower_compute_total_energy(
-    const double coordinate[18],
-    const double velocity[18],
-    const double rest_length[18],
-    double total_energy[1]);
+SVD_TOWER_API int svd_tower_compute_total_energy(const double coordinate[18], const double velocity[18],
+    const double rest_length[18], double total_energy[1]);
 
 /* Sine of the angle from each bar to the pole of its chart, cos(phi) of a rigid body; 0 at the pole.
  *
@@ -185,9 +174,7 @@ SVD_TOWER_API int svd_tower_compute_total_energy(
  *   returns chart_margin (7,) [1]
  *   7 operations. Source: SCS 3.
  */
-SVD_TOWER_API int svd_tower_compute_chart_margin(
-    const double coordinate[18],
-    double chart_margin[7]);
+SVD_TOWER_API int svd_tower_compute_chart_margin(const double coordinate[18], double chart_margin[7]);
 
 /* Where each argument begins among the numbers that can change with time. */
 enum {

@@ -155,12 +155,8 @@ extern TOWER_API const double tower_nominal_gravity[3];
  *   returns member_tension (48,) [N]
  *   1130 operations. Source: S&K 2.
  */
-TOWER_API int tower_compute_member_tension(
-    const double coordinate[51],
-    const double velocity[51],
-    const double input[2],
-    const double rest_length[12],
-    double member_tension[48]);
+TOWER_API int tower_compute_member_tension(const double coordinate[51], const double velocity[51],
+    const double input[2], const double rest_length[12], double member_tension[48]);
 
 /* Accelerations q'' = H^-1 f of the free coordinates.
  *
@@ -172,13 +168,8 @@ TOWER_API int tower_compute_member_tension(
  *   returns acceleration (51,) [m/s2]
  *   1745 operations. Source: S&K 2.
  */
-TOWER_API int tower_compute_acceleration(
-    const double coordinate[51],
-    const double velocity[51],
-    const double input[2],
-    const double rest_length[12],
-    const double gravity[3],
-    double acceleration[51]);
+TOWER_API int tower_compute_acceleration(const double coordinate[51], const double velocity[51], const double input[2],
+    const double rest_length[12], const double gravity[3], double acceleration[51]);
 
 /* Kinetic plus potential energy.
  *
@@ -190,13 +181,8 @@ TOWER_API int tower_compute_acceleration(
  *   returns total_energy scalar [J]
  *   1079 operations. Source: S&K 2.
  */
-TOWER_API int tower_compute_total_energy(
-    const double coordinate[51],
-    const double velocity[51],
-    const double input[2],
-    const double rest_length[12],
-    const double gravity[3],
-    double total_energy[1]);
+TOWER_API int tower_compute_total_energy(const double coordinate[51], const double velocity[51], const double input[2],
+    const double rest_length[12], const double gravity[3], double total_energy[1]);
 
 /* Where each argument begins among the numbers that can change with time. */
 enum {

@@ -33,18 +33,13 @@ const char *two_nodes_missing_instruction_set(int k)
 const int two_nodes_coordinate_node[3] = {1, 1, 1};
 const int two_nodes_coordinate_axis[3] = {0, 1, 2};
 
-const double two_nodes_nominal_coordinate[3] = {
-    0.0, 0.0, -1.0};
-const double two_nodes_nominal_velocity[3] = {
-    0.0};
+const double two_nodes_nominal_coordinate[3] = {0.0, 0.0, -1.0};
+const double two_nodes_nominal_velocity[3] = {0.0};
 
 #ifndef TWO_NODES_WITHOUT_TEXT
-const char two_nodes_node_name[2][3] = {
-    "n1", "n2"};
-const char two_nodes_member_name[1][8] = {
-    "member1"};
-const char two_nodes_coordinate_name[3][5] = {
-    "n2_x", "n2_y", "n2_z"};
+const char two_nodes_node_name[2][3] = {"n1", "n2"};
+const char two_nodes_member_name[1][8] = {"member1"};
+const char two_nodes_coordinate_name[3][5] = {"n2_x", "n2_y", "n2_z"};
 #endif
 
 /* Non-zero if every value is finite: zero times a finite number is zero, times any other it is NAN. Four sums, so that
@@ -74,8 +69,7 @@ static void fill_nan(double *values, int count)
 }
 
 static void member_tension_kernel(
-    const double *TENSEGRITY_RESTRICT coordinate,
-    double *TENSEGRITY_RESTRICT member_tension)
+    const double *TENSEGRITY_RESTRICT coordinate, double *TENSEGRITY_RESTRICT member_tension)
 {
   const double t5 = coordinate[0] * coordinate[0] + coordinate[1] * coordinate[1];
   /* member1: n1 to n2 */
@@ -84,9 +78,7 @@ static void member_tension_kernel(
   member_tension[0] = (1.0 < length_member1) ? t15 : 0.0; /* member1 */
 }
 
-int two_nodes_compute_member_tension(
-    const double coordinate[3],
-    double member_tension[1])
+int two_nodes_compute_member_tension(const double coordinate[3], double member_tension[1])
 {
   if (coordinate == NULL || member_tension == NULL) {
     return TWO_NODES_NULL_POINTER;
@@ -104,8 +96,7 @@ int two_nodes_compute_member_tension(
 }
 
 static void acceleration_kernel(
-    const double *TENSEGRITY_RESTRICT coordinate,
-    double *TENSEGRITY_RESTRICT acceleration)
+    const double *TENSEGRITY_RESTRICT coordinate, double *TENSEGRITY_RESTRICT acceleration)
 {
   const double t5 = coordinate[0] * coordinate[0] + coordinate[1] * coordinate[1];
   /* member1: n1 to n2 */
@@ -118,9 +109,7 @@ static void acceleration_kernel(
   acceleration[2] = 2.0 * ((-4.905) - force_density_member1 * coordinate[2]); /* n2_z */
 }
 
-int two_nodes_compute_acceleration(
-    const double coordinate[3],
-    double acceleration[3])
+int two_nodes_compute_acceleration(const double coordinate[3], double acceleration[3])
 {
   if (coordinate == NULL || acceleration == NULL) {
     return TWO_NODES_NULL_POINTER;
@@ -138,9 +127,8 @@ int two_nodes_compute_acceleration(
 }
 
 static void total_energy_kernel(
-    const double *TENSEGRITY_RESTRICT coordinate,
-    const double *TENSEGRITY_RESTRICT velocity,
-    double *TENSEGRITY_RESTRICT total_energy)
+    const double *TENSEGRITY_RESTRICT coordinate, const double *TENSEGRITY_RESTRICT velocity,
+        double *TENSEGRITY_RESTRICT total_energy)
 {
   const double t7 = 0.25 * velocity[0] * velocity[0] + 0.25 * velocity[1] * velocity[1];
   const double t17 = coordinate[0] * coordinate[0] + coordinate[1] * coordinate[1];
@@ -152,10 +140,7 @@ static void total_energy_kernel(
   total_energy[0] = t7 + 0.25 * velocity[2] * velocity[2] + t32;
 }
 
-int two_nodes_compute_total_energy(
-    const double coordinate[3],
-    const double velocity[3],
-    double total_energy[1])
+int two_nodes_compute_total_energy(const double coordinate[3], const double velocity[3], double total_energy[1])
 {
   if (coordinate == NULL || velocity == NULL || total_energy == NULL) {
     return TWO_NODES_NULL_POINTER;
@@ -351,18 +336,13 @@ int two_nodes_integrate_rk4(
 const char *two_nodes_status_text(int status)
 {
   switch (status) {
-  case TWO_NODES_OK:
-    return "the results are there";
-  case TWO_NODES_NON_FINITE_INPUT:
-    return "an argument holds a NAN or an infinity";
-  case TWO_NODES_NON_FINITE_RESULT:
-    return "a result would not be finite, as where the two nodes of a member are at one place";
-  case TWO_NODES_INVALID_ARGUMENT:
-    return "a step, a count, an index or a time is out of range";
-  case TWO_NODES_NULL_POINTER:
-    return "a pointer that is needed is NULL";
-  default:
-    return "unknown status";
+  case TWO_NODES_OK: return "the results are there";
+  case TWO_NODES_NON_FINITE_INPUT: return "an argument holds a NAN or an infinity";
+  case TWO_NODES_NON_FINITE_RESULT: return
+      "a result would not be finite, as where the two nodes of a member are at one place";
+  case TWO_NODES_INVALID_ARGUMENT: return "a step, a count, an index or a time is out of range";
+  case TWO_NODES_NULL_POINTER: return "a pointer that is needed is NULL";
+  default: return "unknown status";
   }
 }
 #endif

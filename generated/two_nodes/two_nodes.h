@@ -108,9 +108,7 @@ extern TWO_NODES_API const double two_nodes_nominal_velocity[3];
  *   returns member_tension (1,) [N]
  *   11 operations. Source: S&K 2.
  */
-TWO_NODES_API int two_nodes_compute_member_tension(
-    const double coordinate[3],
-    double member_tension[1]);
+TWO_NODES_API int two_nodes_compute_member_tension(const double coordinate[3], double member_tension[1]);
 
 /* Accelerations q'' = H^-1 f of the free coordinates.
  *
@@ -118,9 +116,7 @@ TWO_NODES_API int two_nodes_compute_member_tension(
  *   returns acceleration (3,) [m/s2]
  *   21 operations. Source: S&K 2.
  */
-TWO_NODES_API int two_nodes_compute_acceleration(
-    const double coordinate[3],
-    double acceleration[3]);
+TWO_NODES_API int two_nodes_compute_acceleration(const double coordinate[3], double acceleration[3]);
 
 /* Kinetic plus potential energy.
  *
@@ -129,9 +125,7 @@ TWO_NODES_API int two_nodes_compute_acceleration(
  *   returns total_energy scalar [J]
  *   23 operations. Source: S&K 2.
  */
-TWO_NODES_API int two_nodes_compute_total_energy(
-    const double coordinate[3],
-    const double velocity[3],
+TWO_NODES_API int two_nodes_compute_total_energy(const double coordinate[3], const double velocity[3],
     double total_energy[1]);
 
 /* Classical Runge-Kutta 4 with a fixed step, from step `first_step` on, and dense output by quintic Hermite
