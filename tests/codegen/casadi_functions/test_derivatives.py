@@ -265,5 +265,5 @@ def test_the_other_functions_keep_their_text(make: Make) -> None:
     without = emit(structure, request).files[f"{structure.name}.c"]
     with_it = emit(structure, replace(request, interfaces=("casadi",))).files[f"{structure.name}.c"]
     hashes = re.compile(r'"[0-9a-f]{64}"')
-    start = hashes.sub("", without).rstrip()
+    start = hashes.sub("", without).rpartition("\n#ifndef")[0].rstrip()  # the texts of statuses are the last
     assert hashes.sub("", with_it).startswith(start)
