@@ -186,7 +186,11 @@ class ClearBlocks:
             return entries
         lines = [
             f"{writer.real} *const block = {target} + {writer.index_at(f'{target}_node', start, 'k')};",
-            f"const int length = {writer.index_at(f'{target}_length', length, 'k')};",
+            *(
+                [f"const int length = {writer.index_at(f'{target}_length', length, 'k')};"]
+                if size[1:]
+                else []
+            ),
             *(f"block[{_at(c, r)}] = {zero};" for c in size for r in size),
         ]
         return [*loop("k", len(node), lines), *entries]

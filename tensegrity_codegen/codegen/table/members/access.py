@@ -45,9 +45,9 @@ class MemberAccess:
                 used |= {"input"} if name == "rest_length" and cls.n_inputs else set()
         return frozenset(used)
 
-    def declarations(self, writer: Writer) -> list[str]:
-        """Return the statements that a loop begins with: the offsets of both ends."""
-        if not self.group.is_interior:
+    def declarations(self, writer: Writer, kernel: MemberKernel) -> list[str]:
+        """Return the statements that the loop of a kernel begins with: the offsets of both ends, if read."""
+        if not self.group.is_interior or not set(VECTORS).intersection(kernel.inputs):
             return []
         ends = [writer.index_at(f"{self.name}_{'ij'[end]}", self.place[:, end, 0], "e") for end in (0, 1)]
         return [f"const int i = {ends[0]}, j = {ends[1]};"]

@@ -247,38 +247,48 @@ class AddBlocks(OfFreeMembers):
 
     def statements(self, writer: Writer, access: MemberAccess, results: list[str]) -> list[str]:
         """Return the additions: the columns of node i, then those of node j."""
-        size = range(self.pattern.model.n_axes)
+        n = self.pattern.model.n_axes
+        columns = [results[n * c : n * (c + 1)] for c in range(n)]
+        add = self._add_columns if access.group.is_interior else self._add_entries
+        sizes = [writer.size_of(value) for c, column in enumerate(columns) for value in column[: c + 1]]
+        lines = [f"{self.size} += {' + '.join(sizes)};"] if self.size else []
+        return lines + add(writer, access, columns)
+
+    def _add_columns(self, writer: Writer, access: MemberAccess, columns: list[list[str]]) -> list[str]:
+        """Return the additions at nodes that are free, whose rows stand in a row."""
+        coordinate, pattern = self.pattern.model.coordinate, self.pattern
+        name = f"{access.name}_{self.target}"
         signs = ("+= ", "= -" if self.writes_first(access) else "-= ")
+        length = np.diff(pattern.start) + (self.before is not None)
         lines = list[str]()
-        if self.size:
-            upper = [results[len(size) * c + r] for c in size for r in size if r <= c]
-            lines.append(f"{self.size} += {' + '.join(writer.size_of(result) for result in upper)};")
-        if access.group.is_interior:
-            starts, lengths = self.starts(writer, access)
-            lines = [
-                *(f"const int b{block} = {text};" for block, text in enumerate(starts)),
-                *(f"const int c{end} = {text};" for end, text in enumerate(lengths)),
-                *lines,
-            ]
-            for block in range(4):
-                for c in size:
-                    at = f"b{block}{_times(c, f'c{block // 2}')}"
-                    column = results[len(size) * c : len(size) * (c + 1)]
-                    lines += in_axes(f"{self.target}[{at}", signs[block % 2], column)
-            return lines
-        coordinate, count = self.pattern.model.coordinate, len(size)
+        for block, (row, column) in enumerate(pattern.block_nodes(access.member)):
+            start = self.entry(coordinate[row, 0], coordinate[column, 0])
+            lines.append(f"const int b{block} = {writer.listed_at(f'{name}_block{block}', start, 'e')};")
+            stride = f"c{block // 2}"
+            if block % 2 == 0 and len(columns) > 1:
+                lengths = length[coordinate[column, 0]]
+                lines.append(
+                    f"const int {stride} = {writer.index_at(f'{name}_length{block // 2}', lengths, 'e')};"
+                )
+            for c, values in enumerate(columns):
+                at = f"{self.target}[b{block}{['', f' + {stride}', f' + 2 * {stride}'][c]}"
+                lines += in_axes(at, signs[block % 2], values)
+        return lines
+
+    def _add_entries(self, writer: Writer, access: MemberAccess, columns: list[list[str]]) -> list[str]:
+        """Return the additions entry by entry, where some nodes are held."""
+        coordinate, n = self.pattern.model.coordinate, len(columns)
         blocks = [
             self.entry(coordinate[row][:, None, :], coordinate[column][:, :, None])
             for row, column in self.pattern.block_nodes(access.member)
         ]
         entries = np.stack(blocks, axis=1)
         table = writer.integers(f"{access.name}_{self.target}_entry", entries)
-        for block in range(4):
-            for c in size:
-                for r in size:
-                    at = f"{table}[{4 * count * count} * e + {(block * count + c) * count + r}]"
-                    line = f"{self.target}[{at}] {signs[block % 2]}{results[count * c + r]};"
-                    lines += only_where(entries[:, block, c, r], at, line)
+        lines = list[str]()
+        for number, (block, c, r) in enumerate(np.ndindex(4, n, n)):
+            at = f"{table}[{4 * n * n} * e + {number}]"
+            line = f"{self.target}[{at}] {'+-'[block % 2]}= {columns[c][r]};"
+            lines += only_where(entries[:, block, c, r], at, line)
         return lines
 
     def entry(self, row: IntArray, column: IntArray) -> IntArray:
@@ -291,27 +301,6 @@ class AddBlocks(OfFreeMembers):
     def writes_first(self, access: MemberAccess) -> bool:
         """Return whether a loop sets the blocks off the diagonal, which no loop has added to before."""
         return access.group.is_interior and bool(self.pattern.is_first[access.member].all())
-
-    def starts(self, writer: Writer, access: MemberAccess) -> tuple[list[str], list[str]]:
-        """Return C expressions of the first entries of the four blocks, and of the lengths of columns."""
-        coordinate, pattern = self.pattern.model.coordinate, self.pattern
-        name = f"{access.name}_{self.target}"
-        starts = [
-            writer.listed_at(
-                f"{name}_block{block}", self.entry(coordinate[row, 0], coordinate[column, 0]), "e"
-            )
-            for block, (row, column) in enumerate(pattern.block_nodes(access.member))
-        ]
-        length = np.diff(pattern.start) + (self.before is not None)
-        columns = [coordinate[pattern.model.ends[access.member, end], 0] for end in (0, 1)]
-        lengths = [
-            writer.index_at(f"{name}_length{end}", length[column], "e") for end, column in enumerate(columns)
-        ]
-        return starts, lengths
-
-
-def _times(count: int, name: str) -> str:
-    return "" if count == 0 else f" + {name}" if count == 1 else f" + {count} * {name}"
 
 
 class SparseEntries(Protocol):

@@ -62,7 +62,7 @@ class MemberLoop:
         arrays = [f"r{k}" for k in range(kernel.size // width)]
         results = [f"{array}[p{f' + {k}' if k else ''}]" for array in arrays for k in range(width)]
         call = ", ".join([*access.values(writer, kernel), *(f"&{result}" for result in results)])
-        law = [place, *access.declarations(writer), f"{symbol}({call});"]
+        law = [place, *access.declarations(writer, kernel), f"{symbol}({call});"]
         use = [place, *self.sink.statements(writer, access, results)]
         sizes = ", ".join(f"{array}[{width * min(count, BLOCK)}]" for array in arrays)
         if count <= BLOCK:

@@ -1,6 +1,7 @@
 """Loops over members, block by block: one form for every compiler, with the bits of unrolled code."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import NonFiniteError
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
+from tests.codegen.build_c import STRICT, run, write_files
 from tests.codegen.compilers import EACH_FAMILY, require_compiler
 from tests.codegen.subjects import all_parameters, offered
 from tests.codegen.test_generated_c import arguments_near, assert_same_bits, raw_call
@@ -104,6 +106,15 @@ def test_there_is_one_form_for_all_compilers_and_precisions() -> None:
             assert text.count("_of_member") >= 4  # two kernels, each called in one loop
     assert IN_BLOCKS in source_of(space, request)
     assert AT_ONCE in source_of(fan(BLOCK), request)
+
+
+@pytest.mark.parametrize("axes", ["z", *thorough("xz", "xyz")])
+def test_no_variable_is_declared_that_nothing_reads(axes: str, tmp_path: Path) -> None:
+    structure = in_space(8, 9, "damping", axes=tuple("xyz".index(axis) for axis in axes))
+    wanted = ("tension_rest_length_derivative", "state_jacobian", "tangent_stiffness", "acceleration")
+    source, compiler = emit(structure, ModelRequest(wanted, emitter="table")), require_compiler("gcc")
+    folder = write_files(tmp_path, source.files)
+    run([*compiler.command, "-std=c99", "-O1", *STRICT, "-c", f"{source.manifest.name}.c"], folder, compiler)
 
 
 @pytest.mark.thorough
