@@ -11,6 +11,7 @@
 #ifndef WITH_FLOAT
 #define WITH_FLOAT 0 /* 1: single precision */
 #endif
+#define WITH_NATIVE (!WITH_FLOAT) /* for the registers of one machine, which are wide */
 #define WITH_PROFILE 1            /* arguments can change with time */
 #define WITH_EVENTS (!WITH_FLOAT) /* steps are cut at events */
 #define WITH_SWITCH_EVENTS 0      /* members whose law switches its slope are watched */

@@ -63,6 +63,7 @@ def build_manifest(
         emitter=request.emitter,
         precision=find_precision(request.precision).name,
         flags=find_flags(request.flags).name,
+        checks=request.checks,
         made_by=find_program_versions(),
         axes=frame.axes,
         node_name=frame.node_name,

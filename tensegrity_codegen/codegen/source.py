@@ -193,10 +193,15 @@ def _context(
         "scene_hash": manifest.scene_hash,
         "formulation": manifest.formulation,
         "emitter": manifest.emitter,
+        "has_checks": manifest.checks != "none",
         "precision": precision.name,
         "real": precision.c_type,
         "suffix": precision.suffix,
-        "settings": {"WITH_FLOAT": precision.name == "single", **motion_settings(integrators)},
+        "settings": {
+            "WITH_FLOAT": precision.name == "single",
+            "WITH_NATIVE": not find_flags(manifest.flags).portable,
+            **motion_settings(integrators),
+        },
         "smallest": "1e-300" if precision.name == "double" else "1e-37",  # step of time [s]
         "has_casadi_abi": bool(manifest.interfaces),
         "has_machine_check": not find_flags(manifest.flags).portable,

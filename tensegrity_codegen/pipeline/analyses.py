@@ -70,7 +70,8 @@ class Needs:
     def _complete(self, request: ModelRequest) -> ModelRequest:
         """Return the request with batches and events of the analysis where it states none."""
         events = self.events if request.events is None else request.events
-        return replace(request, batch_width=request.batch_width or self.batch_width, events=events)
+        width = request.batch_width or self.batch_width
+        return replace(request, batch_width=width, events=events, checks="finite")
 
 
 def equilibrium_quantities(structure: Subject, request: ModelRequest) -> tuple[str, ...]:

@@ -133,7 +133,9 @@ def describe_ground(subject: Subject, name_node: Callable[[int], str]) -> dict[s
 _LETTERS = "xyz"
 # Keys of the section `model` that are always written, and those that are where they are not as usual.
 _MODEL_KEYS = ("formulation", "emitter", "quantities", "integrators")
-_MORE_MODEL_KEYS = ("events", "keep", "precision", "flags", "batch_width", "solvers", "interfaces")
+_MORE_MODEL_KEYS = (
+    *("events", "keep", "precision", "flags", "checks", "batch_width", "solvers", "interfaces"),
+)
 _MEMBER_COLUMNS = (
     *("spring_constant", "axial_stiffness", "damping", "member_mass", "radius", "inner_radius"),
     "thermal_expansion",

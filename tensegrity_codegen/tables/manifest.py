@@ -246,6 +246,7 @@ class Manifest:
     internal_name: tuple[str, ...] = ()  # internal states, which follow the velocities in a state
     contact_name: tuple[str, ...] = ()  # nodes that can touch the ground
     column_name: tuple[str, ...] = ()  # numbers that motions are differentiated to
+    checks: str = "finite"  # "none": functions do not look for numbers that are not finite
     ring_nodes: tuple[tuple[int, ...], ...] = ()  # that each member passes between its ends; (): none does
 
     @cached_property

@@ -26,6 +26,8 @@ LISTS = ("quantities", "integrators", "solvers", "keep", "interfaces", "driven",
 
 INTERFACES = ("casadi", "casadi_hessian", "acados")
 
+CHECKS = ("finite", "none")  # of arguments and results of functions
+
 AUTO_EVENTS = ("auto",)  # events of a request: all at which a force or its slope jumps, and a condition
 
 
@@ -95,6 +97,9 @@ class ModelRequest:
         and a condition. None: none, but all where events set internal states, or motions are differentiated.
     flags : str
         ``"reference"`` (bit-equal to CasADi's virtual machine on every machine) or ``"native"``.
+    checks : str
+        ``"finite"``: functions look for numbers that are not finite and say so by their status; ``"none"``:
+        they do not, and hand out what comes of them. Integrators, batches and solvers always look.
     batch_width : int
         Number of evaluations that batch functions process together; 0: no batch functions.
     keep : tuple of str
@@ -134,6 +139,7 @@ class ModelRequest:
     precision: str = "double"
     events: tuple[str, ...] | None = None
     flags: str = "reference"
+    checks: str = "finite"
     batch_width: int = 0
     keep: tuple[str, ...] = ()
     interfaces: tuple[str, ...] = ()
@@ -142,7 +148,7 @@ class ModelRequest:
     directions: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("formulation", "emitter", "precision", "flags"):
+        for name in ("formulation", "emitter", "precision", "flags", "checks"):
             check_instance(getattr(self, name), str, name, "a text")
         for name in (*LISTS, *(("events",) if self.events is not None else ())):
             object.__setattr__(self, name, tuple(dict.fromkeys(check_names(getattr(self, name), name))))
@@ -157,6 +163,7 @@ class ModelRequest:
         # The name of an emitter that wrote four members at a time: unrolled code has loops over members now.
         if self.emitter == "lanes":
             object.__setattr__(self, "emitter", "unrolled")
+        check_choice(self.checks, CHECKS, "checks", "model.checks")
         check_batch_width(self.batch_width)
         check_interfaces(self.interfaces)
 

@@ -11,6 +11,7 @@ import pytest
 from tensegrity_codegen.codegen import source
 from tensegrity_codegen.codegen.emit import GeneratedSource, emit
 from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.system.errors import NonFiniteError
 from tests.codegen.build_c import STRICT, run, write_files
 from tests.codegen.compilers import EACH_FAMILY, chosen_compiler, require_compiler
 from tests.codegen.subjects import bare, everything
@@ -116,3 +117,19 @@ def test_zeros_at_the_end_of_constants_are_left_to_the_compiler() -> None:
     assert stored == model.nominal("velocity").tolist()
     assert stored[1] == -0.5
     assert not any(stored[:1] + stored[2:])
+
+
+def test_a_caller_who_vouches_for_his_numbers_gets_functions_without_checks() -> None:
+    structure, request = bare()
+    plain, bold = (replace(request, checks=checks, integrators=()) for checks in ("finite", "none"))
+    text = emit(structure, bold).files[f"{structure.name}.c"]
+    assert "all_finite" not in text
+    assert "all_finite" in emit(structure, plain).files[f"{structure.name}.c"]
+    model, checked = (build_library(structure, each).load() for each in (bold, plain))
+    for spec in model.manifest.functions:
+        np.testing.assert_array_equal(model.compute(spec.quantity), checked.compute(spec.quantity))
+    name = "acceleration"
+    lost = np.full_like(model.nominal("coordinate"), np.nan)
+    assert np.isnan(model.compute(name, coordinate=lost)).all()
+    with pytest.raises(NonFiniteError):
+        checked.compute(name, coordinate=lost)

@@ -196,6 +196,7 @@ def build_request(
         events=scene.model.events,
         keep=scene.model.keep,
         flags=scene.model.flags,
+        checks=scene.model.checks,
         batch_width=scene.model.batch_width,
         interfaces=tuple(dict.fromkeys(scene.model.interfaces)),
     )

@@ -83,6 +83,10 @@ class ModelOptions(Table):
         FLAGS[0],
         description="Compiler flags: the same results on every machine, or for the machine that compiles.",
     )
+    checks: Literal["finite", "none"] = Field(
+        "finite",
+        description="Whether functions look for numbers that are not finite, and say so by their status.",
+    )
     quantities: Annotated[tuple[Annotated[str, *_QUANTITY], ...], Strict(False)] = Field(
         (), description="Requested quantities; default: tensions, accelerations and total energy."
     )
