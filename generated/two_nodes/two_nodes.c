@@ -11,7 +11,7 @@
 #endif
 
 const two_nodes_description two_nodes_descriptor = {
-    3, "two_nodes", "13721bf4931703b0f9524fb5587cfa39cb83834bb96875dc9f5bf6e0b67c6e8a", "node_position", "unrolled",
+    3, "two_nodes", "baa6e131439763bb1f56ab0138e11d096b33060004055dc180dc61cb16adf534", "node_position", "unrolled",
         "double",
     "tensegrity_codegen 0.3.0, casadi 3.8.2"};
 
@@ -42,20 +42,19 @@ const char two_nodes_member_name[1][8] = {"member1"};
 const char two_nodes_coordinate_name[3][5] = {"n2_x", "n2_y", "n2_z"};
 #endif
 
-/* Non-zero if every value is finite: zero times a finite number is zero, times any other it is NAN. Four sums, so that
- * none waits for the last. */
+/* Non-zero if every value is finite: x - x is zero then, else NAN. Four sums, so that none waits for the last. */
 static int all_finite(const double *values, int count)
 {
   double a = 0.0, b = 0.0, c = 0.0, d = 0.0;
   int k = 0;
   for (; k + 4 <= count; k += 4) {
-    a += 0.0 * values[k];
-    b += 0.0 * values[k + 1];
-    c += 0.0 * values[k + 2];
-    d += 0.0 * values[k + 3];
+    a += values[k] - values[k];
+    b += values[k + 1] - values[k + 1];
+    c += values[k + 2] - values[k + 2];
+    d += values[k + 3] - values[k + 3];
   }
   for (; k < count; ++k) {
-    a += 0.0 * values[k];
+    a += values[k] - values[k];
   }
   return a + b + (c + d) == 0.0;
 }

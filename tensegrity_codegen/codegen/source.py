@@ -162,14 +162,13 @@ def _context(
     }
     if manifest.integrators or any("n_states" in QUANTITIES[name].shape for name in by_quantity):
         sizes["states"] = 2 * n_coordinates + manifest.n_internal
-    if manifest.input_name:
-        sizes["inputs"] = len(manifest.input_name)
-    if manifest.internal_name:
-        sizes["internal"] = len(manifest.internal_name)
-    if manifest.contact_name:
-        sizes["contacts"] = len(manifest.contact_name)
-    if manifest.bar_pair:
-        sizes["bar_pairs"] = len(manifest.bar_pair)
+    optional = {
+        "inputs": manifest.input_name,
+        "internal": manifest.internal_name,
+        "contacts": manifest.contact_name,
+        "bar_pairs": manifest.bar_pair,
+    }
+    sizes |= {kind: len(names) for kind, names in optional.items() if names}
     passed = {"coordinate"}.union(
         *(function.arguments for function in manifest.functions),
         *(integrator.arguments for integrator in manifest.integrators),

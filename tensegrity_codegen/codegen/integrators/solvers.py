@@ -10,7 +10,7 @@ from tensegrity_codegen.codegen.print.printer import print_numbers
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.system.errors import FormulationError, suggest
 from tensegrity_codegen.tables.formulations import find_formulation
-from tensegrity_codegen.tables.manifest import SOLVER_STATUS, FunctionSpec, Manifest, SolverSpec
+from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest, SolverSpec
 
 SOLVERS = ("equilibrium",)
 
@@ -138,7 +138,6 @@ def solver_context(
         "name": spec.name,
         "symbol": spec.symbol,
         "work_size": spec.work_size,
-        "statuses": SOLVER_STATUS,
         "arguments": [arguments[name] for name in spec.arguments],
         "varied": arguments[spec.varied] if spec.varied else None,
         "members": members,

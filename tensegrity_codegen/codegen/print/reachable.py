@@ -125,8 +125,7 @@ def split_definitions(source: str) -> Iterator[Piece]:
             at = enum.end()
             yield Piece(lead, enum[1], "open")
             for line in enum[2].splitlines(keepends=True):
-                comma = re.sub(r"(= [^,/]*[^,/\s]),?", r"\1,", line, count=1)
-                yield Piece("", comma, names=(WORD.search(line)[0],), groups=tuple(groups))  # type: ignore[index]
+                yield Piece("", line, names=(WORD.search(line)[0],), groups=tuple(groups))  # type: ignore[index]
             yield Piece("", enum[3], "close")
             continue
         at = linkage.end() if linkage else _find_end(source, start)

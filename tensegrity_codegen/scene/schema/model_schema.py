@@ -85,7 +85,7 @@ class ModelOptions(Table):
     )
     checks: Literal["finite", "none"] = Field(
         "finite",
-        description="Whether functions look for numbers that are not finite, and say so by their status.",
+        description="Whether functions look for numbers that are not finite and report them by their status.",
     )
     quantities: Annotated[tuple[Annotated[str, *_QUANTITY], ...], Strict(False)] = Field(
         (), description="Requested quantities; default: tensions, accelerations and total energy."
