@@ -235,7 +235,10 @@ def _replace_anchors(opened: SymbolicModel, function: PrunedFunction) -> PrunedF
     """Return the function with anchors as symbols, None where it takes more arguments or is not there."""
     if not is_offered(opened, function.quantity.name):
         return None
-    expression = ca.project(ca.cse(opened.expression(function.quantity.name)), function.sparsity)
+    expression = ca.cse(opened.expression(function.quantity.name))
+    if expression.shape != function.sparsity.shape:  # derivatives to all that can change
+        return None
+    expression = ca.project(expression, function.sparsity)
     names = (*function.arguments, ANCHORS)
     symbols = [opened.arguments[name].symbol for name in names]
     if any(ca.depends_on(expression, a.symbol) for name, a in opened.arguments.items() if name not in names):

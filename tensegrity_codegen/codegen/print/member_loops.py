@@ -125,17 +125,30 @@ class _Member:
     """Operations of one member, and its values from outside, as key -> instruction; constants likewise.
 
     Keys of operations tell trees apart, and those of constants the operation and the operand. passed: key
-    of an operation that other members may lack, as it passes a value on -> key of that value.
+    of an operation that other members may lack, as it passes a value on -> key of that value; operands: keys
+    of the operands of each operation, None for constants.
     """
 
     steps: Mapping[int, int]
     values: Mapping[int, int]
     constants: Mapping[tuple[int, int], float]
     passed: Mapping[int, int]
+    operands: Mapping[int, tuple[int | None, ...]]
 
     def covers(self, member: "_Member") -> bool:
         """Whether the operations of the other member are among these, with all values that these take."""
-        return member.steps.keys() <= self.steps.keys() and self.values.keys() <= member.values.keys()
+        if not (member.steps.keys() <= self.steps.keys() and self.values.keys() <= member.values.keys()):
+            return False
+        return all(
+            tuple(k if k is None else self.find_in(member, k) for k in self.operands[key]) == operands
+            for key, operands in member.operands.items()
+        )
+
+    def find_in(self, member: "_Member", key: int) -> int:
+        """Return the key of the same value in another member, which may lack operations that pass it on."""
+        while key in self.passed and key not in member.steps:
+            key = self.passed[key]
+        return key
 
 
 class _Keys:
@@ -153,6 +166,8 @@ class _Keys:
         values: dict[int, int] = {}
         constants: dict[tuple[int, int], float] = {}
         passed: dict[int, int] = {}
+        key_of: dict[int, int] = {}
+        operands: dict[int, tuple[int | None, ...]] = {}
         tree: dict[int, int] = {}  # as it is taken up: a value that is passed on has the tree of that value
         for k in own:
             instruction = self.instructions[k]
@@ -160,15 +175,17 @@ class _Keys:
                 if self.instructions[operand].operation != ca.OP_CONST and operand not in tree:
                     tree[operand] = self._choose(("value", self.label.get(operand, "")), values)
                     values[tree[operand]] = operand
+                    key_of[operand] = tree[operand]
             key = self._choose((instruction.operation, *map(tree.get, instruction.operands)), steps)
-            steps[key], tree[k] = k, key
+            steps[key], tree[k], key_of[k] = k, key, key
+            operands[key] = tuple(map(key_of.get, instruction.operands))
             for position, operand in enumerate(instruction.operands):
                 if operand not in tree:
                     constants[key, position] = self.instructions[operand].value
             source = self._find_source(k)
-            if source is not None and source in tree and source in own:
-                tree[k] = passed[key] = tree[source]
-        return _Member(steps, values, constants, passed)
+            if source is not None and source in own:
+                tree[k], passed[key] = tree[source], key_of[source]
+        return _Member(steps, values, constants, passed, operands)
 
     def _find_source(self, k: int) -> int | None:
         """Return the value that an operation of a cable passes on: if it is taut, and off length zero."""
@@ -222,14 +239,17 @@ def _build_loop(
             operands.append(refer(column, operation))
         row = [member.steps.get(key) for member in chosen]
         if any(lacking):
-            source = leader.passed[key]
             for m, member in enumerate(chosen):
-                if lacking[m]:
-                    row[m] = member.steps.get(source)
-                    rows[place[source]][m] = None
+                source = leader.find_in(member, key)
+                if lacking[m] and source in member.steps:
+                    row[m], rows[place[source]][m] = member.steps[source], None
             if operation == ca.OP_IF_ELSE_ZERO:  # taut, or a member that pushes too
+                condition = leader.operands[key][0]
+                is_free = all(
+                    condition not in m.steps for m, lacks in zip(chosen, lacking, strict=True) if lacks
+                )
                 kind, limit = body[operands[0][1]][1][0] if operands[0][0] == "operation" else operands[0]
-                if kind == "number" and body[operands[0][1]][0] == ca.OP_LT:  # beyond a limit: of these none
+                if is_free and kind == "number" and body[operands[0][1]][0] == ca.OP_LT:  # they have no limit
                     pairs = zip(columns[limit], lacking, strict=True)
                     columns[limit] = [-math.inf if lacks else number for number, lacks in pairs]
                 else:

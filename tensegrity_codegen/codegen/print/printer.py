@@ -247,6 +247,7 @@ class _Body:
     value: dict[int, Text] = field(default_factory=dict)
     reads: set[int] = field(default_factory=set)
     headings: set[str] = field(default_factory=set)
+    suffix: str = ""  # of values without a name
     loops: Sequence[MemberLoop] = ()
     looped: set[int] = field(default_factory=set)  # operations within loops, and those evaluated before these
 
@@ -386,6 +387,7 @@ class _Body:
             notes,
             self.where,
             _uses(instructions),
+            suffix="_e",
         )
         count = len(loop.members)
         declared = ", ".join(f"{name}[{count}]" for name in results)
@@ -454,7 +456,7 @@ class _Body:
 
     def _keep(self, k: int) -> None:
         """Give a value a line of its own."""
-        name = self.annotations.name.get(k, f"t{k}")
+        name = self.annotations.name.get(k, f"t{k}{self.suffix}")
         heading = self.annotations.heading.get(k, "")
         if heading and heading not in self.headings:
             self.headings.add(heading)

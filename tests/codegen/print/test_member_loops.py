@@ -179,3 +179,30 @@ def test_the_name_of_the_former_emitter_is_that_of_this_code() -> None:
     request = ModelRequest(("node_force",), emitter="lanes")
     assert request == replace(request, emitter="unrolled")
     assert emit(prism(150.0), request).manifest.emitter == "unrolled"
+
+
+LAW_VALUES = {
+    "plastic": {"yield_elongation": 0.02, "hardening": 0.1, "isotropic": 0.3},
+    "bilinear": {"switch_elongation": 0.03, "stiffness_ratio": 0.2},
+    "viscous": {"relaxation_time": 0.1, "relaxed_fraction": 0.4},
+}
+
+
+@pytest.mark.parametrize("seed", [3, *thorough(0, 1, 2, 4, 5)])
+def test_members_of_different_laws_equal_the_virtual_machine(seed: int) -> None:
+    """Bars and cables that yield, switch, relax or do none of it have conditions of several kinds."""
+    random = np.random.default_rng(seed)
+    structure = in_space(seed, 8)
+    law = random.integers(0, 4, structure.n_members)
+    own = {
+        name: np.where(law == number, value * random.uniform(0.5, 1.5, structure.n_members), 0.0)
+        for number, values in enumerate(LAW_VALUES.values())
+        for name, value in values.items()
+    }
+    mixed = structure.with_changes(law_parameter=own)
+    functions = offered(mixed, ModelRequest(()))
+    model = build(mixed, ModelRequest(tuple(functions)))
+    for k in range(3):
+        arguments = arguments_near(model, 10 * seed + k)
+        for name, function in functions.items():
+            assert_same_bits(model.compute(name, **arguments), run_in_casadi(function, arguments), name)
