@@ -318,9 +318,9 @@ class _Body:
         if headings:
             self.lines.append(f"/* {', '.join(headings)} */")
         value_names = [names.choose(notes.prefix.get(k, "value")) for k in loop.values[0]]
-        zero = print_number(0.0, self.precision)
+        one = print_number(1.0, self.precision)  # no length of zero in whole rows
         for slot, name in enumerate(value_names):
-            texts = [self.value[row[slot]].text for row in loop.values] + [zero] * (-count % ROW)
+            texts = [self.value[row[slot]].text for row in loop.values] + [one] * (-count % ROW)
             rows = [f"MEMBERS({', '.join(texts[m : m + ROW])})" for m in range(0, count, ROW)]
             self.lines += [
                 f"const member_row {name}_row[] = {{{', '.join(rows)}}};",
@@ -342,7 +342,7 @@ class _Body:
                 name = _find_property(column, members, notes.numbers) or NUMBER_NAMES.get(operation, "number")
                 name = names.choose(name)
                 text = ", ".join(print_number(number, self.precision, self.where) for number in column)
-                self.lines.append(f"static const {c_type} {name}[{count}] = {{{text}}};")
+                self.lines.append(f"static const {c_type} {name}[{count + -count % ROW}] = {{{text}}};")
                 named[column] = len(arrays)
                 arrays.append(name)
             constants.append(Instruction(ca.OP_INPUT, place=(named[column], 0)))
@@ -390,10 +390,14 @@ class _Body:
             suffix="_e",
         )
         count = len(loop.members)
-        declared = ", ".join(f"{name}[{count}]" for name in results)
+        declared = ", ".join(f"{name}[{count + -count % ROW}]" for name in results)
         self.lines.append(f"{self.precision.c_type} {declared};")
         lines = body.print().lines
-        self.lines += [f"for (int e = 0; e < {count}; ++e) {{", *(f"  {line}" for line in lines), "}"]
+        self.lines += [
+            f"for (int e = 0; e < WHOLE_ROWS({count}); ++e) {{",
+            *(f"  {line}" for line in lines),
+            "}",
+        ]
         for name, step in zip(results, loop.results, strict=True):
             for m, k in enumerate(loop.steps[step]):
                 if k is not None:
