@@ -44,6 +44,7 @@ def write_random_scene(folder: Path, number: int) -> Path:
     cables = [pair for pair in pairs if tuple(pair) not in {tuple(bar) for bar in bars}][: 3 * count]
     formulation = {"rigid": "rigid_bar", "distances": "node_distance"}.get(shape, "node_position")
     static = shape != "distances"
+    emitter = EMITTERS[number // 4 % len(EMITTERS)]
     lines = [
         f'name = "random_{number}"',
         f'axes = "{axes}"',
@@ -52,7 +53,7 @@ def write_random_scene(folder: Path, number: int) -> Path:
         f'formulation = "{formulation}"',
         f"quantities = {json.dumps([*QUANTITIES, *(STATIC if static else ())])}",
         'integrators = ["rk4", "rk54", "rk853"]',
-        *(['emitter = "' + EMITTERS[number // 4 % 3] + '"'] if formulation == "node_position" else []),
+        *([f'emitter = "{emitter}"'] if formulation == "node_position" else []),
         "[classes.strut]",
         'kind = "bar"',
         *(["radius = 0.01", "density = 2700"] if shape != "distances" else []),
