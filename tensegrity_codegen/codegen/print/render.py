@@ -241,7 +241,7 @@ def _wrap_statement(line: str) -> list[str]:
 
 
 def _find_break(line: str, lower: int, upper: int) -> int | None:
-    """Return the last place up to `last` at which a line can break, outside of strings and comments."""
+    """Return the place up to `upper` at which a line breaks best, outside of strings and comments."""
     closed = [match.span() for match in STRING.finditer(line)]
     positions = [
         match.end()
@@ -250,4 +250,7 @@ def _find_break(line: str, lower: int, upper: int) -> int | None:
     ]
     positions += [start for start, _ in closed if lower < start <= upper and line[start - 1] == " "]
     free = [position for position in positions if not any(start < position < end for start, end in closed)]
-    return max(free, default=None)
+    # Behind a comma rather than within a sum or product, if that leaves no short line.
+    commas = [position for position in free if line[position - 2 : position] == ", "]
+    last_comma = max(commas, default=0)
+    return last_comma if 2 * last_comma > upper else max(free, default=None)

@@ -290,7 +290,7 @@ def test_emitters_follow_the_law_and_each_other(emitter: str, damping: float) ->
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("flags", ["reference", *thorough("native")])
-def test_repeated_modules_and_fours_follow_the_law(flags: str) -> None:
+def test_a_tower_in_tables_follows_the_law(flags: str) -> None:
     structure = tower(12)
     length = structure.member_length()
     kinds = np.where(structure.is_bar, -0.01, 0.02) * length
