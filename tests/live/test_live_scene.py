@@ -2,11 +2,13 @@
 
 import base64
 import gzip
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from tensegrity_codegen.codegen.print.render import paste_text, plain_c_folder, template_folder
 from tensegrity_codegen.live import live_scene
 from tensegrity_codegen.live.live_scene import (
     Channel,
@@ -186,3 +188,20 @@ def test_the_plane_of_the_ground_is_counted_from_the_origin_of_the_page() -> Non
     assert data["plane"]["normal"] == ground.normal.tolist()
     assert data["plane"]["offset"] == pytest.approx(-float(ground.normal @ data["origin"]), abs=1e-15)
     assert build_live_scene(load("prism")).data["plane"] is None
+
+
+def test_the_memory_of_a_page_holds_the_run_of_its_library() -> None:
+    """Worker.js lays out the struct of a run itself: pointers and int have 4 bytes in wasm32, others 8."""
+    folder = template_folder()
+    header = (plain_c_folder(folder) / "run.h").read_text(encoding="utf-8")
+    settings = {name: name == "WITH_PROFILE" for name in re.findall(r"WITH_\w+", header)}
+    text = paste_text(header, {}, settings, "double", "")
+    body = text[text.index("long long n_accepted") : text.index("} scene_run;")]
+    end = 0
+    for field in re.sub(r"/\*.*?\*/", "", body, flags=re.S).split(";")[:-1]:
+        size = 4 if "*" in field or field.split()[0] == "int" else 8
+        end = -(-end // size) * size + size * (1 + field.count(","))
+    worker = (folder / "live" / "worker.js").read_text(encoding="utf-8")
+    reserved = re.search(r"^const RUN = (\d+);", worker, re.M)
+    assert reserved is not None
+    assert 0 < end <= 8 * int(reserved[1])
