@@ -202,13 +202,14 @@ def _write(model: SymbolicModel, functions: tuple[PrunedFunction, ...], precisio
             before = function.sparsity.numel() // 2 if function.quantity.follows_state else 0
             printed = print_columns(function.function, arguments, OF_COLUMNS, name, before)
         else:
-            printed = _print(landmarks, function, precision)
+            printed = PrintedBody((), frozenset())
             if opened is not None and landmarks_opened is not None:
                 with_anchors = _replace_anchors(opened, function)
-                body = with_anchors and _print(
-                    landmarks_opened, with_anchors, precision, opened.arguments[ANCHORS]
-                )
-                printed = body if body and body.n_loops else printed
+                if with_anchors is not None:
+                    symbols = opened.arguments[ANCHORS]
+                    printed = _print(landmarks_opened, with_anchors, precision, symbols)
+            if not printed.n_loops:
+                printed = _print(landmarks, function, precision)
         n_loops += printed.n_loops
         statements[name] = printed.lines
     preamble = [render("member_row.c", {"real": precision.c_type})] if n_loops else []

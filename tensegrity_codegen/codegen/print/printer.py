@@ -306,7 +306,7 @@ class _Body:
                 self.value[k] = self._express(self.instructions[k])
             else:
                 self._evaluate(k)
-        names = _UniqueNames({*self.inputs, *self.outputs})
+        names = _UniqueNames({*self.inputs, *self.outputs, *self.annotations.name.values()})
         for loop in self.loops:
             self._put_loop(loop, names)
 
@@ -322,9 +322,10 @@ class _Body:
         for slot, name in enumerate(value_names):
             texts = [self.value[row[slot]].text for row in loop.values] + [one] * (-count % ROW)
             rows = [f"MEMBERS({', '.join(texts[m : m + ROW])})" for m in range(0, count, ROW)]
+            row_name = names.choose(f"{name}_row")
             self.lines += [
-                f"const member_row {name}_row[] = {{{', '.join(rows)}}};",
-                f"const {c_type} *const {name} = (const {c_type} *){name}_row;",
+                f"const member_row {row_name}[] = {{{', '.join(rows)}}};",
+                f"const {c_type} *const {name} = (const {c_type} *){row_name};",
             ]
         for m, row in enumerate(loop.values):
             for name, k in zip(value_names, row, strict=True):

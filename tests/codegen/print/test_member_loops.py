@@ -206,3 +206,20 @@ def test_members_of_different_laws_equal_the_virtual_machine(seed: int) -> None:
         arguments = arguments_near(model, 10 * seed + k)
         for name, function in functions.items():
             assert_same_bits(model.compute(name, **arguments), run_in_casadi(function, arguments), name)
+
+
+@pytest.mark.parametrize("name", ["row", "a" * 41])
+def test_names_of_single_members_are_not_those_of_arrays(name: str) -> None:
+    """Three bars stand by themselves beside loops; values of one without a short name have its number."""
+    place = np.random.default_rng(5).normal(size=(9, 3))
+    pairs = [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (5, 6), (6, 7), (7, 8), (8, 0)]
+    members = [cable(i, j, 0.5) for i, j in pairs]
+    structure = node_structure(place, members)
+    parameters = {"rest_length": (2, 3, 4)}  # other operations than those of numbers: fewer than a loop has
+    request = ModelRequest(("node_force", "tangent_stiffness"), parameters=parameters)
+    names = [*structure.member_name]
+    names[2] = name
+    renamed = structure.with_changes(member_name=tuple(names))
+    model, plain = build(renamed, request), build(structure, request)
+    for quantity in request.quantities:
+        np.testing.assert_array_equal(dense(model.compute(quantity)), dense(plain.compute(quantity)))
