@@ -55,18 +55,16 @@ def merge_inputs(
 
 def check_argument_names(manifest: Manifest, names: Iterable[str], states: Iterable[str] = ()) -> None:
     """Raise UnknownNameError for a word that is no argument of the model at run time or one of `states`."""
-    valid_names = [
-        argument.name for argument in manifest.arguments if argument.name not in ("coordinate", "velocity")
-    ]
-    valid_names += states
+    valid_names = [entry.name for entry in manifest.arguments if entry.name not in ("coordinate", "velocity")]
+    valid_names += [*states, *manifest.input_name]
     for name in names:
-        if name not in (*valid_names, *manifest.input_name):
+        if name not in valid_names:
             raise UnknownNameError(
                 "the model has no such argument at run time",
                 where="arguments",
                 given=name,
-                allowed=", ".join([*valid_names, *manifest.input_name]) or "none",
-                hint=_explain_missing(name, [*valid_names, *manifest.input_name]),
+                allowed=", ".join(valid_names) or "none",
+                hint=_explain_missing(name, valid_names),
             )
 
 

@@ -112,24 +112,19 @@ class LoadedLibrary:
                 allowed=str(ABI_VERSION),
                 hint="build it again with this version of tensegrity_codegen",
             )
-        precision = self.ffi.string(descriptor.precision).decode("ascii", "replace")
-        if precision != manifest.precision:
-            raise AbiMismatchError(
-                "library and manifest are of different precision",
-                where=str(self.path),
-                given=f"{precision} precision",
-                allowed=f"{manifest.precision} precision",
-                hint="build it again",
-            )
-        scene_hash = self.ffi.string(descriptor.scene_hash).decode("ascii", "replace")
-        if scene_hash != manifest.scene_hash:
-            raise AbiMismatchError(
-                "library and manifest were made from different scenes",
-                where=str(self.path),
-                given=f"scene hash {scene_hash[:12]}",
-                allowed=f"scene hash {manifest.scene_hash[:12]}",
-                hint="build it again",
-            )
+        for name, said, unit in (
+            ("precision", "are of different precision", "{} precision"),
+            ("scene_hash", "were made from different scenes", "scene hash {:.12}"),
+        ):
+            here, stated = self.ffi.string(getattr(descriptor, name)), getattr(manifest, name)
+            if here.decode("ascii", "replace") != stated:
+                raise AbiMismatchError(
+                    f"library and manifest {said}",
+                    where=str(self.path),
+                    given=unit.format(here.decode("ascii", "replace")),
+                    allowed=unit.format(stated),
+                    hint="build it again",
+                )
 
     def _check_machine(self, name: str) -> None:
         """Raise LibraryError if the library's code needs instructions that this machine lacks."""

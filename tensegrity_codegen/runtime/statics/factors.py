@@ -156,11 +156,11 @@ def find_lowest_sparse(stiffness: Any, neutral: FloatArray) -> tuple[float, Floa
         return 0.0, np.zeros(size)
     solve = _factorise_shifted(matrix, shift)
     inverse = scipy.sparse.linalg.LinearOperator(
-        (size, size), matvec=lambda v: _project(solve(_project(np.ravel(v), neutral)), neutral), dtype=float
+        (size, size), matvec=lambda v: project(solve(project(np.ravel(v), neutral)), neutral), dtype=float
     )
-    start = _project(np.random.default_rng(0).normal(size=size), neutral)
+    start = project(np.random.default_rng(0).normal(size=size), neutral)
     _, vectors = scipy.sparse.linalg.eigsh(inverse, k=1, which="LA", v0=start, tol=1e-6)
-    vector = _project(vectors[:, 0], neutral)
+    vector = project(vectors[:, 0], neutral)
     vector /= np.linalg.norm(vector)
     return float(vector @ (matrix @ vector)), vector
 
@@ -173,7 +173,7 @@ def _factorise_shifted(matrix: Any, shift: float) -> Solve:
     return solve
 
 
-def _project(vector: FloatArray, neutral: FloatArray) -> FloatArray:
+def project(vector: FloatArray, neutral: FloatArray) -> FloatArray:
     """Take the part along the columns of `neutral` out of a vector."""
     projected: FloatArray = vector - neutral @ (neutral.T @ vector)
     return projected

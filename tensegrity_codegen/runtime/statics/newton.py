@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.runtime.statics.damping import MAX_TURN, MemberDamping, find_turn
-from tensegrity_codegen.runtime.statics.factors import find_lowest_curvature
+from tensegrity_codegen.runtime.statics.factors import find_lowest_curvature, project
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem, find_neutral_motions
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
@@ -95,11 +95,6 @@ def find_stability(problem: StaticProblem, point: Point) -> Stability:
     rounding = problem.bound_rounding(stiffness, point.coordinate) + turned
     reported = problem.smallest_eigenvalue(point.coordinate, lowest, neutral)
     return Stability(lowest, direction, neutral.shape[1], rounding, reported, neutral, turned)
-
-
-def _project(vector: FloatArray, motions: FloatArray) -> FloatArray:
-    """Return a vector without its part along orthonormal motions (n, k)."""
-    return vector - motions @ (motions.T @ vector)
 
 
 def find_minimum(
@@ -226,13 +221,13 @@ class _Search:
         path = problem.find_path_stiffness(stiffness, point)
         difference = problem.find_differences(point.coordinate)
         neutral = self._find_undriven_motions(stiffness, floor)
-        force = _project(problem.directional_residual(point), neutral)
+        force = project(problem.directional_residual(point), neutral)
         here = damping.locate(point)
         for attempt in range(MAX_ATTEMPTS):
             solve = damping.factorise(path, difference, point, here)
             if solve is None:
                 return False
-            step = _project(solve(force), neutral)
+            step = project(solve(force), neutral)
             if not np.linalg.norm(step) > MIN_STEP_RATIO * self.extent:
                 return False
             trial = problem.find_displaced_point(point.coordinate, step)
