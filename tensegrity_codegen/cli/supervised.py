@@ -14,6 +14,7 @@ Systems without fork, and calls in which Ctrl-C is ignored, do the work in this 
 """
 
 import atexit
+import gc
 import os
 import select
 import signal
@@ -28,6 +29,7 @@ from tensegrity_codegen.system.temporary_files import read_announcements, remove
 
 INTERRUPTED = 130
 GRACE = 0.6  # s from Ctrl-C until the worker is killed
+COLLECTED_AFTER = 100_000  # new objects: collecting among those of imports takes a tenth of a verb
 SHOW_CURSOR = b"\x1b[?25h"
 
 
@@ -36,6 +38,7 @@ def main() -> None:
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # looked for in every installed package
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # most matrices are too small for several
         os.environ.setdefault(name, "1")
+    gc.set_threshold(COLLECTED_AFTER)
     forks = hasattr(os, "fork") and sys.gettrace() is None
     if forks and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         run_supervised(_run)

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import tensegrity_codegen
+from tensegrity_codegen.cli import supervised
 
 ROOT = Path(tensegrity_codegen.__file__).parent.parent
 # Runs the command line in this process and says on stderr what it has loaded.
@@ -73,6 +74,23 @@ def test_statics_with_a_cached_library_imports_no_part_of_scipy_that_it_does_not
 ) -> None:
     find_loaded(verb, str(prism), "--json")  # builds the library, unless it is in the cache
     assert sorted({*unused, "casadi"} & {*find_loaded(verb, str(prism), "--json")}) == []
+
+
+def test_schemas_of_sections_are_built_with_that_of_the_scene_which_is_validated() -> None:
+    code = "from tensegrity_codegen.scene.schema.schema import Node, Scene\nimport json\n"
+    code += "scene = {'name': 'a', 'nodes': {'n': {'position': [0, 0, 0]}}}\n"
+    code += "before = [Node.__pydantic_complete__, Scene.__pydantic_complete__]\n"
+    code += "Scene.model_validate(scene)\n"
+    code += "print(json.dumps([before, [Node.__pydantic_complete__, Scene.__pydantic_complete__]]))"
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert json.loads(ended.stdout) == [[False, False], [False, True]], ended.stderr
+
+
+def test_the_command_line_looks_for_unused_objects_after_many_new_ones() -> None:
+    code = "import gc, sys\nfrom tensegrity_codegen.cli import supervised\n"
+    code += "supervised._run = lambda: print(gc.get_threshold()[0])\nsupervised.main()"
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert ended.stdout.strip() == str(supervised.COLLECTED_AFTER), ended.stderr
 
 
 def test_a_verb_is_imported_without_the_others() -> None:

@@ -73,7 +73,7 @@ Selection: TypeAlias = Annotated[
 class Table(BaseModel):
     """A table of the scene file: no other keys, no conversions, frozen."""
 
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, defer_build=True)
 
 
 class SectionTable(Table):

@@ -50,7 +50,7 @@ Point: TypeAlias = tuple[float, float, float]
 class ShapeModel(BaseModel, ABC):
     """Base of the shape models: strict values, no unknown keys, frozen."""
 
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, defer_build=True)
 
     node_mass: Positive | None = Field(None, description="Point mass of every node [kg]; bars add their own.")
     on_facet: Annotated[list[str], Field(min_length=3, max_length=3)] | None = Field(
