@@ -58,8 +58,9 @@ class JudgeStand(SceneAnalysis):
 
         from tensegrity_codegen.pipeline.analyses import find_needs
         from tensegrity_codegen.pipeline.settle import with_statics
-        from tensegrity_codegen.runtime.analysis.stand import find_tips, require_ground, stand
+        from tensegrity_codegen.runtime.analysis.stand import find_tips, stand
         from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+        from tensegrity_codegen.structure.contact_estimates import require_ground
         from tensegrity_codegen.system.progress import work_pass
 
         structure = require_ground(case.subject, case.subject.name)

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.kinematics import compute_node_position
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
+from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.system.root import find_root
 
 Subject = Structure | BodySystem
@@ -43,6 +45,19 @@ class ContactEstimates:
     stiffness: float
     frequency: float
     stick_offset: float
+
+
+def require_ground(structure: Any, name: str) -> Structure:
+    """Return a structure that stands on a ground; FormulationError for anything else."""
+    if isinstance(structure, Structure) and structure.ground is not None:
+        return structure
+    raise FormulationError(
+        "nothing to stand on",
+        where=f"{name}: ground",
+        given="a library that was loaded alone" if structure is None else "no ground, or a scene of bodies",
+        allowed="nodes and members with a ground",
+        hint="add a section [ground] to the scene",
+    )
 
 
 def find_edge(subject: Subject, ground: Ground) -> list[int]:

@@ -53,6 +53,8 @@ def find_loaded(*words: str) -> list[str]:
 FOR_OTHERS = (
     *("casadi", "jinja2", "matplotlib", "scipy.integrate", "scipy.interpolate", "scipy.linalg"),
     *("scipy.optimize", "scipy.sparse", "scipy.special", "tensegrity_codegen.symbolic"),
+    *("tensegrity_codegen.runtime.paths", "tensegrity_codegen.runtime.statics"),
+    *("tensegrity_codegen.runtime.simulate.simulate_batch", "tensegrity_codegen.scene.formats"),
 )
 
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from tensegrity_codegen.runtime.profiles.driven import check_end, check_not_constant
 from tensegrity_codegen.runtime.profiles.profile import KINDS
-from tensegrity_codegen.runtime.profiles.read_profile import read_profile
 from tensegrity_codegen.system.errors import check_choice
 
 if TYPE_CHECKING:
@@ -30,6 +29,8 @@ def read_schedule(
     check_choice(kind, KINDS, "kind of profile", "--profile-kind")
     if path is None:
         return None
+    from tensegrity_codegen.runtime.profiles.read_profile import read_profile
+
     profile = read_profile(path, [scene_input.name for scene_input in case.subject.inputs], kind)
     check_end(profile, t_end, str(path))
     check_not_constant(profile, values, where=str(path))

@@ -12,16 +12,13 @@ from tensegrity_codegen.analyses.motions.schedule import read_schedule
 from tensegrity_codegen.pipeline.analyses import balance_energy, find_needs
 from tensegrity_codegen.pipeline.build_library import MANY_CALLS, BuiltLibrary
 from tensegrity_codegen.pipeline.settle import has_statics, settle_structure
-from tensegrity_codegen.runtime.analysis.stand import require_ground
 from tensegrity_codegen.runtime.integrate.raw_results import STOPPED_AT
-from tensegrity_codegen.runtime.paths.find_equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.simulate.condition import find_quantities
-from tensegrity_codegen.runtime.simulate.motion_input import read_starts
 from tensegrity_codegen.runtime.simulate.simulate import CONTACT_QUANTITIES, Until, simulate
-from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.scene.checks.plausible_start import warn_of_sampled_contacts
 from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.structure.contact_estimates import require_ground
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import DuplicateNameError
 from tensegrity_codegen.system.progress import work_pass
@@ -62,6 +59,9 @@ def solve_motion(analysis: MotionAnalysis, case: "SceneCase") -> MotionAnswer:
 
 def solve_starts(analysis: MotionAnalysis, case: "SceneCase", starts: Path) -> BatchAnswer:
     """Return the motions from the starts of a file, as a batch if the method can."""
+    from tensegrity_codegen.runtime.simulate.motion_input import read_starts
+    from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
+
     options = analysis.run_options
     schedule = read_schedule(analysis.profile, analysis.profile_kind, analysis.t_end, case, case.inputs)
     needs = find_needs("simulate_batch", case.subject, case.request, method=options.method, rtol=options.rtol)
@@ -139,6 +139,8 @@ def _prepare(analysis: MotionAnalysis, case: "SceneCase") -> tuple[BuiltLibrary,
     request = _request_motion(analysis, structure, case.request, settles)
     library = case.build_library(structure, request, MANY_CALLS)
     if settles:
+        from tensegrity_codegen.runtime.paths.find_equilibrium import find_equilibrium
+
         equilibrium = find_equilibrium(library.load(), arguments=inputs)
         case.warn(*equilibrium.warnings)
         run_arguments["coordinate"] = equilibrium.coordinate

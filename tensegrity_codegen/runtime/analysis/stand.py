@@ -19,10 +19,10 @@ from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.runtime.statics.newton import FOUND, Outcome
 from tensegrity_codegen.runtime.statics.on_ground import Feet, describe_feet, step_on_ground
 from tensegrity_codegen.runtime.statics.static_problem import StaticProblem
-from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.structure.contact_estimates import require_ground
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_switch
-from tensegrity_codegen.system.errors import FormulationError, check_choice
+from tensegrity_codegen.system.errors import check_choice
 
 TIGHT = 1e-12  # tolerance of equilibria near a tipping point
 FIRST_STEP, MAX_STEP, MAX_SHORTENING = 0.05, 0.1, 0.99  # of the rest length
@@ -106,19 +106,6 @@ def stand(
     check_finite(at, "shape")
     position = place_nodes(model, at, values.get("anchor_position"))
     return judge_stand(structure, position, external, friction=friction)
-
-
-def require_ground(structure: Any, name: str) -> Structure:
-    """Return a structure that stands on a ground; FormulationError for anything else."""
-    if isinstance(structure, Structure) and structure.ground is not None:
-        return structure
-    raise FormulationError(
-        "nothing to stand on",
-        where=f"{name}: ground",
-        given="a library that was loaded alone" if structure is None else "no ground, or a scene of bodies",
-        allowed="nodes and members with a ground",
-        hint="add a section [ground] to the scene",
-    )
 
 
 @dataclass(frozen=True)
