@@ -5,6 +5,7 @@ Bars that share free nodes, directly or through others, are one component; each 
 """
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -38,13 +39,15 @@ class RigidBars:
         column = column_of[self.ends].reshape(-1)
         axis = np.tile(np.arange(3), 2 * count)
         sign = np.tile(np.repeat([1.0, -1.0], 3), count)
-        free = column >= 0
+        free = np.lexsort((column, bar))  # in the order of compressed rows
+        free = free[column[free] >= 0]
         self.bar, self.column, self.axis, self.sign = bar[free], column[free], axis[free], sign[free]
+        self._start = np.searchsorted(self.bar, np.arange(count + 1)).astype(np.int32)
+        self._index = self.column.astype(np.int32)
         shape = (3 * count, self.size)
         self._difference = scipy.sparse.csr_array(
             (self.sign, (3 * self.bar + self.axis, self.column)), shape=shape
         )
-        self.components = self._find_components()
 
     def vectors(self, position: FloatArray) -> FloatArray:
         """Return d_b, (n_bars, 3) [m], at node positions (n_nodes, 3)."""
@@ -64,12 +67,35 @@ class RigidBars:
     def rows(self, vectors: FloatArray) -> Any:
         """Return one row a bar with its vector (n_bars, 3) at node i and minus it at j, sparse as J."""
         data = self.sign * vectors[self.bar, self.axis]
-        return scipy.sparse.csr_array((data, (self.bar, self.column)), shape=(len(self.row), self.size))
+        return scipy.sparse.csr_array((data, self._index, self._start), shape=(len(self.row), self.size))
+
+    def pull(self, jacobian: Any, tension: FloatArray) -> FloatArray:
+        """Return J^T t, (n_coordinates,) [N]."""
+        return _sum(self.column, jacobian.data * tension[self.bar], self.size)
 
     def stiffness(self, density: FloatArray) -> Any:
         """Return the Hessian of sum density_b l_b^2 / 2, sparse (n_coordinates, n_coordinates) [N/m]."""
         weights = scipy.sparse.diags_array(np.repeat(density, 3))
         return scipy.sparse.csc_array(self._difference.T @ weights @ self._difference)
+
+    def bend(self, stiffness: FloatArray, density: FloatArray, jacobian: Any) -> FloatArray:
+        """Return a dense stiffness and the Hessian of sum density_b l_b^2 / 2 off its part along the bars."""
+        first, second, turns = self._pairs
+        weight = density[self.bar[first]]
+        turning = turns * weight
+        along = jacobian.data[second] * (jacobian.data[first] * weight)
+        place, shape = self.column[first] * self.size + self.column[second], stiffness.shape
+        turning, along = (_sum(place, entry, self.size**2).reshape(shape) for entry in (turning, along))
+        return stiffness + turning - along
+
+    @cached_property
+    def _pairs(self) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return all pairs of entries of one bar, and 1 for one end, -1 for both, on one axis, else 0."""
+        count = np.diff(self._start)[self.bar]
+        first = np.repeat(np.arange(len(self.bar)), count)
+        second = np.arange(len(first)) - np.repeat(np.cumsum(count) - count - self._start[self.bar], count)
+        turns = (self.axis[first] == self.axis[second]) * self.sign[first] * self.sign[second]
+        return first, second, turns
 
     def find_tension(self, jacobian: Any, force: FloatArray) -> FloatArray:
         """Return the tensions t that balance `force` (n_coordinates,) [N] best: least |force - J^T t|."""
@@ -131,7 +157,8 @@ class RigidBars:
             scipy.sparse.linalg.splu(scipy.sparse.csc_array(jacobian @ jacobian.T)).solve(right)
         )
 
-    def _find_components(self) -> list[tuple[IntArray, IntArray]]:
+    @cached_property
+    def components(self) -> list[tuple[IntArray, IntArray]]:
         """Return bars and coordinates of each connected set of bars."""
         count = len(self.row)
         graph = scipy.sparse.csr_array(
@@ -143,6 +170,11 @@ class RigidBars:
         groups = np.split(order, np.searchsorted(label[order], np.arange(1, number)))
         pairs = [(group[group < count], group[group >= count] - count) for group in groups]
         return [(bars, coordinates) for bars, coordinates in pairs if len(bars) and len(coordinates)]
+
+
+def _sum(place: IntArray, value: FloatArray, size: int) -> FloatArray:
+    """Return the sums of the values at each place, (size,), in their order."""
+    return np.asarray(np.bincount(place, value, size), dtype=np.float64)
 
 
 def list_rigid_bars(manifest: Manifest) -> IntArray:

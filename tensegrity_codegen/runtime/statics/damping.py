@@ -176,7 +176,9 @@ class MemberDamping(Damping):
 
     def factorise(self, stiffness: Any, difference: Any, point: Point, here: Members) -> Solve | None:
         """Return the solution with enough damping; None if MAX_FACTORS factorisations do not find one."""
-        matrix = stiffness.toarray() if stiffness.shape[0] <= DENSE_LIMIT else stiffness
+        matrix = stiffness
+        if stiffness.shape[0] <= DENSE_LIMIT and not isinstance(stiffness, np.ndarray):
+            matrix = stiffness.toarray()
         least_shift = find_least_shift(self.problem.bound_rounding(stiffness, point.coordinate), here)
         tension = self.problem.strands.spread(self.problem.find_stiff_tension(point))
         compression = np.maximum(-tension, 0.0) / here.length

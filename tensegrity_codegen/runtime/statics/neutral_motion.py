@@ -113,8 +113,10 @@ def _find_mechanisms(problem: StaticProblem, coordinate: FloatArray, stability: 
 
 def _fields(twist: FloatArray, local: FloatArray) -> FloatArray:
     """Return the velocities of points (n, 3) in each twist (k, 6), (3 n, k)."""
-    rows = [(np.cross(row[:3], local) + row[3:]).ravel() for row in twist]
-    return np.array(rows).T
+    (a, b, c), (x, y, z) = twist[:, :3].T[..., None], local.T
+    turn = np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-1)
+    fields: FloatArray = (turn + twist[:, None, 3:]).reshape(len(twist), -1).T
+    return fields
 
 
 def _carry(position: FloatArray, twist: FloatArray, centre: FloatArray) -> FloatArray:

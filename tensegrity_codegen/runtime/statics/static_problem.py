@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 from typing import Any, ClassVar
 
@@ -35,6 +36,8 @@ EQUILIBRIUM_QUANTITIES = (
     "member_tension",
 )
 EPSILON = float(np.finfo(float).eps)
+# Axis of the turn from one axis to another, their cross product.
+TURNS = {(0, 1): (0.0, 0.0, 1.0), (0, 2): (0.0, -1.0, 0.0), (1, 2): (1.0, 0.0, 0.0)}
 # Weight of the distance from the origin beside the length of members, where rounding is estimated.
 ORIGIN_DISTANCE_WEIGHT = 1 / 16
 
@@ -48,23 +51,23 @@ def build_rigid_motions(
     axes, combined so that every anchored coordinate rests. position: (n_nodes, 3) [m]. Motions that move
     nothing (a rod about its own axis) are dropped. nodes: those that move, by default all; the others rest.
     """
-    axes = manifest.axes
-    moved = list(range(len(position)) if nodes is None else nodes)
-    motions, _ = build_all_motions(axes, position[moved])
+    place = np.array(manifest.coordinate_node_axis, dtype=np.int64).reshape(-1, 2)
     free = np.zeros((len(position), 3), dtype=bool)
-    for node, axis in manifest.coordinate_node_axis:
-        free[node, axis] = True
-    chosen = free[np.ix_(moved, axes)].ravel()
+    free[place[:, 0], place[:, 1]] = True
+    moves = np.ones(len(position), dtype=bool)
+    if nodes is not None:
+        moves[:] = False
+        moves[list(nodes)] = True
+        position, free = position[list(nodes)], free[list(nodes)]
+    motions, _ = build_all_motions(manifest.axes, position)
+    chosen = free[:, manifest.axes].ravel()
     permitted = motions[chosen] @ _null_space(motions[~chosen])
-    moves = np.zeros(len(position), dtype=bool)
-    moves[moved] = True
-    rows = [k for k, (node, _) in enumerate(manifest.coordinate_node_axis) if moves[node]]
     if permitted.size == 0:
-        return np.zeros((len(manifest.coordinate_node_axis), 0))
+        return np.zeros((len(place), 0))
     directions, singular, _ = np.linalg.svd(permitted, full_matrices=False)
     directions = directions[:, singular > RANK_TOLERANCE]
-    basis: FloatArray = np.zeros((len(manifest.coordinate_node_axis), directions.shape[1]))
-    basis[rows] = directions
+    basis: FloatArray = np.zeros((len(place), directions.shape[1]))
+    basis[moves[place[:, 0]]] = directions
     return basis
 
 
@@ -88,21 +91,17 @@ def build_all_motions(axes: Sequence[int], position: FloatArray) -> tuple[FloatA
     """Return unit translations and rotations (..., n_nodes * n_axes, k), and twists (..., 6, k)."""
     local = position[..., list(axes)]
     local = local - local.mean(axis=-2, keepdims=True)
-    columns, twists = [], []
+    n_axes, planes = len(axes), list(combinations(range(len(axes)), 2))
+    columns, twist = np.zeros((*local.shape, n_axes + len(planes))), np.zeros((6, n_axes + len(planes)))
     for number, axis in enumerate(axes):
-        shift, twist = np.zeros_like(local), np.zeros(6)
-        shift[..., number], twist[3 + axis] = 1.0, 1.0
-        columns.append(shift)
-        twists.append(twist)
-    for axis_1, axis_2 in combinations(range(len(axes)), 2):
-        turn = np.zeros_like(local)
-        turn[..., axis_1], turn[..., axis_2] = -local[..., axis_2], local[..., axis_1]
-        columns.append(turn)
-        twists.append(np.append(np.cross(np.eye(3)[axes[axis_1]], np.eye(3)[axes[axis_2]]), np.zeros(3)))
-    motions = np.stack([column.reshape(*position.shape[:-2], -1) for column in columns], axis=-1)
+        columns[..., number, number] = twist[3 + axis, number] = 1.0
+    for number, (axis_1, axis_2) in enumerate(planes, n_axes):
+        columns[..., axis_1, number], columns[..., axis_2, number] = -local[..., axis_2], local[..., axis_1]
+        twist[:3, number] = TURNS[axes[axis_1], axes[axis_2]]
+    motions = columns.reshape(*position.shape[:-2], -1, columns.shape[-1])
     norm = np.linalg.norm(motions, axis=-2, keepdims=True)
     norm = np.where(norm > 0, norm, 1.0)
-    return motions / norm, np.stack(twists, axis=-1) / norm
+    return motions / norm, twist / norm
 
 
 def _null_space(matrix: FloatArray) -> FloatArray:
@@ -331,6 +330,10 @@ class StaticProblem:
 
     def find_differences(self, coordinate: FloatArray) -> Any:
         """Return D: s_i - s_j of strands for directions s, (3 n_strands, n_directions), dense if small."""
+        return self._difference
+
+    @cached_property
+    def _difference(self) -> Any:
         return self.subtract_ends(self._velocity)
 
     def subtract_ends(self, velocity: Any) -> Any:

@@ -26,6 +26,7 @@ import numpy as np
 import scipy
 
 from tensegrity_codegen.runtime.model.rigid_bars import EPSILON, RigidBars
+from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 from tensegrity_codegen.tables.manifest import Manifest
 
@@ -69,12 +70,18 @@ class StiffMembers:
     def __init__(self, manifest: Manifest, row: IntArray, spring_constant: FloatArray) -> None:
         self.row, self.spring_constant = row, spring_constant
         self.lengths = RigidBars(manifest, np.zeros(len(row)), row)
+        self._at: tuple[FloatArray, Any] | None = None  # where J was last needed, and J
+
+    def _find_jacobian(self, position: FloatArray) -> Any:
+        if self._at is None or not np.array_equal(self._at[0], position):
+            self._at = position, self.lengths.jacobian(position)
+        return self._at[1]
 
     def balance(
         self, position: FloatArray, residual: FloatArray, tension: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return tensions (n_members,) and residual, tensions changed within rounding to balance it best."""
-        jacobian = self.lengths.jacobian(position)
+        jacobian = self._find_jacobian(position)
         reach = (
             np.linalg.norm(self.lengths.vectors(position), axis=1) + np.abs(position).max(initial=0.0) / 16
         )
@@ -82,26 +89,29 @@ class StiffMembers:
         change = np.clip(self.lengths.find_tension(jacobian, residual), -noise, noise)
         changed = tension.copy()
         changed[self.row] += change
-        return changed, residual - jacobian.T @ change
+        return changed, residual - self.lengths.pull(jacobian, change)
 
     def balance_tension(self, position: FloatArray, residual: FloatArray, tension: FloatArray) -> FloatArray:
         """Return tensions t* (n_members,) [N], those of stiff members as they balance the residual best."""
         changed = tension.copy()
-        changed[self.row] += self.lengths.find_tension(self.lengths.jacobian(position), residual)
+        changed[self.row] += self.lengths.find_tension(self._find_jacobian(position), residual)
         return changed
 
     def correct_stiffness(self, stiffness: Any, position: FloatArray, residual: FloatArray) -> Any:
-        """Return the Hessian K* along curves, sparse (n_coordinates, n_coordinates) [N/m]."""
-        jacobian = self.lengths.jacobian(position)
+        """Return the Hessian K* along curves, (n_coordinates, n_coordinates) [N/m], dense if small."""
+        jacobian = self._find_jacobian(position)
         length = np.linalg.norm(self.lengths.vectors(position), axis=1)
         density = self.lengths.find_tension(jacobian, residual) / length
+        if len(residual) <= DENSE_LIMIT:
+            return self.lengths.bend(stiffness.toarray(), density, jacobian)
         along = jacobian.T @ scipy.sparse.diags_array(density) @ jacobian
         return scipy.sparse.csc_array(stiffness + self.lengths.stiffness(density) - along)
 
     def sum_columns(self, position: FloatArray) -> FloatArray:
         """Return the column sums of moduli of their part of the stiffness, (n_coordinates,) [N/m]."""
-        jacobian = abs(self.lengths.jacobian(position))
-        return np.asarray(jacobian.T @ (self.spring_constant * jacobian.sum(axis=1)))
+        jacobian = abs(self._find_jacobian(position))
+        total = np.bincount(self.lengths.bar, jacobian.data, len(self.row))
+        return self.lengths.pull(jacobian, self.spring_constant * total)
 
     def follow(
         self, coordinate: FloatArray, step: FloatArray, locate: Callable[[FloatArray], FloatArray]
@@ -109,7 +119,7 @@ class StiffMembers:
         """Return the coordinates nearest to a step's end with the predicted lengths, None without any."""
         position, ahead = locate(coordinate), coordinate + step
         length = np.linalg.norm(self.lengths.vectors(position), axis=1)
-        self.lengths.length = length + self.lengths.jacobian(position) @ step
+        self.lengths.length = length + self._find_jacobian(position) @ step
         placed = self.lengths.place(locate, ahead)
         if placed is None or np.linalg.norm(placed - ahead) > MAX_CORRECTION_RATIO * np.linalg.norm(step):
             return None

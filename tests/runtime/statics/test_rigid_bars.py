@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy
 
 from tensegrity_codegen.runtime.model import rigid_bars
 from tensegrity_codegen.runtime.model.placement import place_nodes
@@ -57,3 +58,16 @@ def test_forces_are_balanced_and_gaps_closed(dense: int, monkeypatch: pytest.Mon
     np.testing.assert_allclose(bars.find_tension(jacobian, jacobian.T @ tension), tension, rtol=1e-12)
     gap = np.array([1e-3, 0, -2e-3, 0, 1e-3])
     np.testing.assert_allclose(jacobian @ bars.find_correction(position, gap), -gap, atol=1e-16)
+
+
+def test_dense_sums_over_pairs_of_entries_are_those_of_sparse_products_bit_by_bit() -> None:
+    model, bars = fan()
+    rng = np.random.default_rng(7)
+    jacobian = bars.jacobian(model.structure.node_position + rng.normal(size=(8, 3)))
+    stiffness, density = rng.normal(size=(21, 21)), rng.normal(size=5)
+    turning = bars.stiffness(density).toarray()
+    along = (jacobian.T @ scipy.sparse.diags_array(density) @ jacobian).toarray()
+    np.testing.assert_array_equal(bars.bend(stiffness, density, jacobian), stiffness + turning - along)
+    np.testing.assert_array_equal(bars.pull(jacobian, density), jacobian.T @ density)
+    assert jacobian.has_canonical_format
+    assert jacobian.shape == (5, 21)

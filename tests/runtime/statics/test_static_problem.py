@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
-from tensegrity_codegen.runtime.statics.static_problem import build_rigid_motions, find_neutral_motions
+from tensegrity_codegen.runtime.statics.static_problem import (
+    build_all_motions,
+    build_rigid_motions,
+    find_neutral_motions,
+)
 from tests.reference import ReferenceModel
 from tests.runtime.build import bar, make_structure, prism
 
@@ -43,3 +47,16 @@ def test_tilting_a_prestressed_body_out_of_balance_is_not_neutral() -> None:
     model = ReferenceModel(structure)
     motions = build_rigid_motions(model.manifest, structure.node_position)
     assert find_neutral_motions(model.compute("tangent_stiffness"), motions, 0.0).shape[1] == 3
+
+
+@pytest.mark.parametrize("axes", [(0, 1, 2), (0, 2), (1,)])
+def test_all_motions_are_the_velocities_of_nodes_in_their_twists(axes: tuple[int, ...]) -> None:
+    position = np.random.default_rng(3).normal(size=(2, 4, 3))
+    motions, twists = build_all_motions(axes, position)
+    assert motions.shape == (2, 4 * len(axes), len(axes) * (len(axes) + 1) // 2)
+    local = position - position.mean(axis=1, keepdims=True)
+    for case, motion, twist in zip(local, motions, twists, strict=True):
+        for k in range(motion.shape[1]):
+            velocity = np.cross(twist[:3, k], case) + twist[3:, k]
+            np.testing.assert_allclose(motion[:, k], velocity[:, list(axes)].ravel(), atol=1e-15)
+    np.testing.assert_allclose(np.linalg.norm(motions, axis=1), 1.0, rtol=1e-14)
