@@ -1,5 +1,6 @@
 """The linear model about a state: matrices, natural frequencies, damping ratios."""
 
+import itertools
 import math
 import sys
 from collections.abc import Mapping
@@ -378,18 +379,20 @@ def linearize(
         at["input"] = u
     internal = [_value(model, "internal", parameters.get("internal"))] if model.manifest.internal_name else []
     # Energies that a balance adds up, and what members remember, would be eigenvalues of zero.
-    varies = np.array([not is_constant(name) for name in name_states(model.manifest)])
+    states = name_states(model.manifest)
+    varies = np.array([not is_constant(name) for name in states])
     state = np.concatenate([q, v, *internal])[varies]
-    a = scipy.sparse.csc_array(model.compute("state_jacobian", **at))[varies][:, varies]
-    b = scipy.sparse.csc_array((len(state), 0))
+    a, b = model.compute("state_jacobian", **at), scipy.sparse.csc_array((len(states), 0))
     if inputs:
-        b = scipy.sparse.csc_array(model.compute(INPUT_QUANTITY, **at))[varies]
+        b = model.compute(INPUT_QUANTITY, **at)
+    if not varies.all():
+        a, b = a[varies][:, varies], b[varies]
     rate = np.asarray(model.compute("state_derivative", **at))[varies]
     # _Variations that cannot happen never move, and would come out as zeros to half the digits.
     allowed = _find_variations(model, {**at, "coordinate": q, "velocity": v})
     reduced = a if allowed is None else allowed.reduce(a)
     spectrum = find_spectrum(reduced, frequency_count, _count_internal(model.manifest))
-    names = tuple(name for name in name_states(model.manifest) if not is_constant(name))
+    names = tuple(itertools.compress(states, varies))
     basis = None if allowed is None else allowed.basis
     feet = equilibrium.feet if isinstance(equilibrium, Equilibrium) else None
     return LinearModel(

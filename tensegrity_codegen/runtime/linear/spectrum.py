@@ -37,13 +37,16 @@ def find_spectrum(state_matrix: Any, count: int, n_internal: int = 0) -> Spectru
     """
     if n_internal:
         return _find_with_memory(scipy.sparse.csc_array(state_matrix), count, n_internal)
-    # S and D: how accelerations depend on coordinates and on velocities.
+    # S and D: how accelerations depend on coordinates and on velocities; dense if all eigenvalues are found.
     n_coordinates = state_matrix.shape[0] // 2
-    acceleration = scipy.sparse.csr_array(state_matrix)[n_coordinates:]
-    stiffness = scipy.sparse.csc_array(acceleration[:, :n_coordinates])
-    damping = scipy.sparse.csc_array(acceleration[:, n_coordinates:])
-    is_undamped = damping.nnz == 0 or not np.any(damping.data)
     is_complete = 2 * n_coordinates <= DENSE_STATES or count >= n_coordinates - 1
+    acceleration: Any = scipy.sparse.csr_array(state_matrix)[n_coordinates:]
+    if is_complete:
+        acceleration = acceleration.toarray()
+    stiffness, damping = acceleration[:, :n_coordinates], acceleration[:, n_coordinates:]
+    if not is_complete:
+        stiffness, damping = scipy.sparse.csc_array(stiffness), scipy.sparse.csc_array(damping)
+    is_undamped = not np.any(damping if is_complete else damping.data)
     # Eigenvalues below zero_bound are zero to rounding.
     if is_undamped:
         largest = _bound_eigenvalues(stiffness)
@@ -80,11 +83,13 @@ def _find_with_memory(matrix: Any, count: int, n_internal: int) -> Spectrum:
 def _find_eigenvalues(
     stiffness: Any, damping: Any | None, is_complete: bool, count: int, largest: float
 ) -> NDArray[Any]:
-    """Return all eigenvalues of [0 I; S D], or of S without D, or the `count` nearest to zero."""
+    """Return all eigenvalues of [0 I; S D] or of S, from dense matrices, or the `count` nearest to zero."""
+    if is_complete:
+        if damping is not None:
+            stiffness = np.block([[np.zeros_like(damping), np.eye(len(damping))], [stiffness, damping]])
+        return np.asarray(np.linalg.eigvals(stiffness))
     eye = scipy.sparse.eye_array(stiffness.shape[0], format="csc")
     matrix = stiffness if damping is None else scipy.sparse.block_array([[None, eye], [stiffness, damping]])
-    if is_complete:
-        return np.asarray(np.linalg.eigvals(matrix.toarray()))
     # Shift and invert, beside zero, where the matrix may be singular.
     shift = 1e-9 * largest
     if damping is None:
