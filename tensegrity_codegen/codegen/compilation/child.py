@@ -2,6 +2,7 @@
 
 import os
 import selectors
+import signal
 import subprocess
 import sys
 import tempfile
@@ -66,7 +67,7 @@ def run_several(
     """Run commands side by side, `workers` at a time (on Windows one); limits as in run_limited."""
     settings = (folder, dict(environment), timeout, memory_limit)
     if os.name != "posix" or not sys.executable:
-        return [_run_alone(list(command), *settings) for command in commands]
+        return [run_alone(list(command), *settings[:3]) for command in commands]
     outcomes: dict[int, ChildOutcome] = {}
     running: dict[int, _Supervised] = {}
     try:
@@ -146,10 +147,11 @@ def _collect(running: dict[int, _Supervised], outcomes: dict[int, ChildOutcome])
         del running[number]
 
 
-def _run_alone(
-    command: list[str], folder: Path, environment: dict[str, str], timeout: float, memory_limit: int | None
+def run_alone(
+    command: list[str], folder: Path, environment: Mapping[str, str], timeout: float
 ) -> ChildOutcome:
-    """Run directly, if there is no fork: time limit only."""
+    """Run directly, for questions and where there is no fork: time limit only, if this process lives on."""
+    is_posix = os.name == "posix"
     started = time.monotonic()
     with (
         tempfile.TemporaryFile() as log,
@@ -160,6 +162,7 @@ def _run_alone(
             stderr=subprocess.STDOUT,
             cwd=folder,
             env=environment,
+            start_new_session=is_posix,
         ) as child,
     ):
         try:
@@ -168,7 +171,8 @@ def _run_alone(
         except subprocess.TimeoutExpired:
             ended, number = "time", 0
         finally:
-            child.kill()
+            if child.returncode is None:
+                os.killpg(child.pid, signal.SIGKILL) if is_posix else child.kill()
         return ChildOutcome(ended, abs(number), _read_log(log), time.monotonic() - started, None)
 
 

@@ -13,7 +13,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from tensegrity_codegen.codegen.compilation.child import run_limited
+from tensegrity_codegen.codegen.compilation.child import run_alone, run_limited
 from tensegrity_codegen.codegen.compilation.compile import compile_library, compiler_environment
 from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS, Compiler
 from tensegrity_codegen.system.binaries import describe_binary
@@ -184,12 +184,12 @@ def _ask_version(command: tuple[str, ...]) -> Compiler | None:
     """Ask a command for its version, once a process."""
     driver = _find_zig(command)
     zig = driver is not None
-    question = (*driver, "version") if driver else (*command, "--version")
+    question = [*driver, "version"] if driver else [*command, "--version"]
     candidate = Compiler("zig" if zig else "", command, "")
     environment = compiler_environment(candidate, Path(tempfile.gettempdir()))
     root = Path(Path.cwd().anchor)  # a question writes nothing: it needs no folder of its own
     try:
-        outcome = run_limited(question, folder=root, environment=environment, timeout=VERSION_TIMEOUT)
+        outcome = run_alone(question, root, environment, VERSION_TIMEOUT)  # a supervisor takes 12 ms
     except OSError:
         return None
     lines = outcome.log.strip().splitlines()

@@ -16,13 +16,14 @@ from tensegrity_codegen.runtime.model.interface import Model, require_model
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem, find_equilibrium
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
-from tensegrity_codegen.runtime.statics.newton import FOUND, Outcome
+from tensegrity_codegen.runtime.statics.newton import Outcome
 from tensegrity_codegen.runtime.statics.on_ground import Feet, describe_feet, step_on_ground
 from tensegrity_codegen.runtime.statics.static_problem import StaticProblem
 from tensegrity_codegen.structure.contact_estimates import require_ground
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_switch
 from tensegrity_codegen.system.errors import check_choice
+from tensegrity_codegen.tables.static_methods import FOUND
 
 TIGHT = 1e-12  # tolerance of equilibria near a tipping point
 FIRST_STEP, MAX_STEP, MAX_SHORTENING = 0.05, 0.1, 0.99  # of the rest length

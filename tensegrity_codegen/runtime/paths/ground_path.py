@@ -7,9 +7,10 @@ import numpy as np
 from tensegrity_codegen.runtime.paths.load_path import LoadPath, PathEvent, PathPoint, collect_path
 from tensegrity_codegen.runtime.paths.model_path import ModelPath
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem, find_equilibrium
-from tensegrity_codegen.runtime.statics.newton import FOUND, Outcome, find_stability
+from tensegrity_codegen.runtime.statics.newton import Outcome, find_stability
 from tensegrity_codegen.runtime.statics.on_ground import Feet, describe_feet, step_on_ground
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.tables.static_methods import FOUND
 
 LOCATED = 1e-7  # of the path: how closely events are located
 TOLERANCE = 1e-9

@@ -22,13 +22,8 @@ from numpy.typing import ArrayLike
 from tensegrity_codegen.runtime.model.arrays import check_tolerance, to_array
 from tensegrity_codegen.runtime.model.interface import Model, require_double, require_model
 from tensegrity_codegen.runtime.statics.constrained_problems import BarProblem, BodyProblem
-from tensegrity_codegen.runtime.statics.equilibrium_record import (
-    Equilibrium,
-    record_outcome,
-    record_without_forces,
-)
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.runtime.statics.newton import (
-    FOUND,
     Outcome,
     Progress,
     find_minimum,
@@ -36,6 +31,7 @@ from tensegrity_codegen.runtime.statics.newton import (
     follow_residual,
 )
 from tensegrity_codegen.runtime.statics.on_ground import find_on_ground
+from tensegrity_codegen.runtime.statics.record_outcome import record_outcome, record_without_forces
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_callback, check_switch, check_whole
@@ -50,7 +46,7 @@ from tensegrity_codegen.system.progress import SETTLING, work_pass
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.manifest import SLID_END
 from tensegrity_codegen.tables.precision import PRECISIONS
-from tensegrity_codegen.tables.static_methods import METHODS, Method
+from tensegrity_codegen.tables.static_methods import FOUND, METHODS, Method
 
 ACCURACY = 2e-11  # of the largest tension: how near to the capstan's limit rings come
 PROBE = 1e-6  # of the longest member: slip by which derivatives are found

@@ -27,7 +27,6 @@ from tensegrity_codegen.system.progress import SETTLING, describe_pass
 
 Progress = Callable[[int, float], None]
 
-FOUND = ("converged", "rounding_limited")  # status of searches that end in an equilibrium
 ENERGY_DIGITS = 1e-11  # of the energy's scale: smaller savings are judged by the forces
 MAX_ATTEMPTS = 40  # steps with more and more damping from one configuration
 MIN_SAVING = 0.1  # of the energy that the damped model says a step saves

@@ -17,7 +17,6 @@ import scipy
 from tensegrity_codegen.runtime.contacts.contacts import Contacts
 from tensegrity_codegen.runtime.contacts.judge_stand import judge_stand
 from tensegrity_codegen.runtime.statics.newton import (
-    FOUND,
     Outcome,
     find_idle_motions,
     find_minimum,
@@ -25,6 +24,7 @@ from tensegrity_codegen.runtime.statics.newton import (
 )
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.tables.static_methods import FOUND
 
 FIRST_STEPS, MAX_STEPS = 4, 64  # of the load
 SETTLED = 1e-9  # of the structure's size: change with twice the steps up to which a result is settled

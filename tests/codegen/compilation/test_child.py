@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from tensegrity_codegen.codegen.compilation import child
-from tensegrity_codegen.codegen.compilation.child import run_limited, run_several
+from tensegrity_codegen.codegen.compilation.child import run_alone, run_limited, run_several
 from tests.codegen.compilers import POSIX, hanging_body, is_running, read_pids, wait_until, write_script
 
 WAITING = """
@@ -58,6 +58,15 @@ def test_several_outcomes_come_in_the_order_of_their_commands(tmp_path):
         assert [outcome.number for outcome in outcomes] == [0, 1, 2]
         assert [outcome.log.strip() for outcome in outcomes] == ["said 0", "said 1", "said 2"]
     assert run_all(tmp_path, []) == []
+
+
+@POSIX
+def test_a_question_without_answer_ends_with_what_it_started(tmp_path):
+    script = write_script(tmp_path / "hang", hanging_body(tmp_path / "pids"))
+    outcome = run_alone([str(script)], tmp_path, os.environ, 1.0)
+    assert (outcome.ended, outcome.ok) == ("time", False)
+    pids = read_pids(tmp_path / "pids")
+    wait_until(lambda: not any(map(is_running, pids)), "both processes ended")
 
 
 # Each tells that it has started, then waits for the other for as long as the second argument says.

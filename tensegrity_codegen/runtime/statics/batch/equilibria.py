@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
-from tensegrity_codegen.runtime.statics.newton import FOUND
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import ByName, Fact, Summarised, count_names, describe_range
+from tensegrity_codegen.tables.static_methods import FOUND
 
 WORDS = ("status", "message", "method", "displaced_node", "changed_node")
 # Single numbers of each case, with what stands where there is none.

@@ -23,16 +23,16 @@ from tensegrity_codegen.runtime.statics.equilibrium import (
     describe_unheld,
     find_equilibrium,
 )
-from tensegrity_codegen.runtime.statics.equilibrium_record import START_RESIDUAL_TOLERANCE, Equilibrium
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT
-from tensegrity_codegen.runtime.statics.newton import FOUND
+from tensegrity_codegen.runtime.statics.record_outcome import START_RESIDUAL_TOLERANCE
 from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES
 from tensegrity_codegen.runtime.statics.stiff_members import are_stiff, find_spring_constants
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 from tensegrity_codegen.system.checks import check_callback
 from tensegrity_codegen.system.errors import NonFiniteError
 from tensegrity_codegen.tables.formulations import find_formulation
-from tensegrity_codegen.tables.static_methods import Method
+from tensegrity_codegen.tables.static_methods import FOUND, Method
 
 BLOCK_BYTES = 2**24  # of the stiffnesses of a block
 MAX_CASES = 1024  # of a block
