@@ -29,7 +29,7 @@ from tensegrity_codegen.system.temporary_files import read_announcements, remove
 
 INTERRUPTED = 130
 GRACE = 0.6  # s from Ctrl-C until the worker is killed
-COLLECTED_AFTER = 100_000  # new objects: collecting among those of imports takes a tenth of a verb
+COLLECTED_AFTER = 250_000  # new objects: collecting among those of imports takes a tenth of a verb
 SHOW_CURSOR = b"\x1b[?25h"
 
 
