@@ -1,6 +1,7 @@
 """Output of a verb: JSON or readable text on stdout, progress and errors on stderr, exit codes, files."""
 
 import json
+import os
 import re
 import time
 import warnings
@@ -12,7 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from tensegrity_codegen.cli.streams import ProgressBar, drop_output, name_duration, print_aside, print_text
+from tensegrity_codegen.cli.streams import (
+    ProgressBar,
+    can_draw,
+    drop_output,
+    name_duration,
+    print_aside,
+    print_text,
+)
 from tensegrity_codegen.cli.verb import name_options, name_options_in_error
 from tensegrity_codegen.report.long_table import AROUND, LongTable, find_most_rows, is_cut
 from tensegrity_codegen.system.errors import (
@@ -117,12 +125,18 @@ class Output:
                 continue
             self.warned.append(message)
             if self.whole or len(self.warned) <= MOST_WARNINGS:
-                line = f"warning: {self._cut_names(message)}"
-                self.aside.print(line, style="yellow", markup=False, soft_wrap=True)
+                self._say(f"warning: {self._cut_names(message)}", "yellow")
 
     def note(self, text: str) -> None:
         """Print a sentence on stderr that is neither a result nor a warning."""
-        self.aside.print(name_options(text), markup=False, soft_wrap=True)
+        self._say(name_options(text))
+
+    def _say(self, text: str, style: str | None = None) -> None:
+        """Print on stderr, by Rich only where that has colours."""
+        if can_draw() or "FORCE_COLOR" in os.environ:
+            self.aside.print(text, style=style, markup=False, soft_wrap=True)
+        else:
+            print_aside(text)
 
     def load(self, scene: Path, *, settles: bool = False) -> "tuple[Structure | BodySystem, ModelRequest]":
         """Read a scene and print probable slips in it; settles: whether the verb settles it first."""
@@ -142,7 +156,7 @@ class Output:
         """Print the error, as text on stderr and with --json as an object on stdout; return the exit."""
         self._end_bar()
         name_options_in_error(error)
-        self.aside.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
+        self._say(f"error: {error}", "red")
         if time.monotonic() - self.started >= ProgressBar.INTERVAL:
             self._say_time()
         if self.as_json:
@@ -226,7 +240,7 @@ class Output:
 
     def _resume(self, taken: "Resumption") -> None:
         self.resumed.append(taken.as_dict())
-        self.aside.print(name_options(taken.describe(time.time())), markup=False, soft_wrap=True)
+        self.note(taken.describe(time.time()))
 
     def entitle(self, title: str) -> None:
         """Change what the command's bar says of the work."""

@@ -7,10 +7,11 @@ write shapes: positions, tensions and loads at the start of a scene, or over a s
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from pkgutil import iter_modules
 from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -98,12 +99,10 @@ def check_export(
     **options: Any,
 ) -> Exporter:
     """Return the format of that name; raise for a wrong format, option or output before any work."""
-    exporters = find_exporters()
-    check_choice(format_name, [exporter.name for exporter in exporters], "format", "export")
-    chosen = next(exporter for exporter in exporters if exporter.name == format_name)
+    chosen = _find_exporter(format_name)
     for key, value in (options | dict(of_design)).items():
-        having = [exporter.name for exporter in exporters if key in _list_options(exporter, of_design)]
-        if value is not None and chosen.name not in having:
+        if value is not None and key not in _list_options(chosen, of_design):
+            having = [one.name for one in find_exporters() if key in _list_options(one, of_design)]
             raise InvalidValueError(
                 f"the format {chosen.name} does not have this option",
                 where=key,
@@ -125,6 +124,16 @@ def check_export(
         )
     check_folder(out)
     return chosen
+
+
+def _find_exporter(format_name: str) -> Exporter:
+    """Return the format of that name, of which only its own module is imported; UnknownNameError."""
+    name = f"tensegrity_codegen.export.export_{format_name}"
+    if str(format_name).isidentifier() and find_spec(name):
+        return cast(Exporter, import_module(name).EXPORTER)
+    exporters = {exporter.name: exporter for exporter in find_exporters()}
+    check_choice(format_name, list(exporters), "format", "export")
+    return exporters[format_name]
 
 
 def _list_options(exporter: Exporter, of_design: Mapping[str, Any]) -> tuple[str, ...]:

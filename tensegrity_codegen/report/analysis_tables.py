@@ -3,10 +3,9 @@
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.table import Table
 
 from tensegrity_codegen.report.long_table import LongTable, add_row, new_table, rank_rows
 from tensegrity_codegen.report.number_text import format_short
@@ -20,6 +19,9 @@ from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import describe_count
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 
 def describe_analysis(
@@ -215,7 +217,7 @@ LIMIT_NAMES = {
 }
 
 
-def analysis_table(analysis: Analysis, name: str) -> Table:
+def analysis_table(analysis: Analysis, name: str) -> "Table":
     """Return a table of the findings: counts, gap, tensions, stability."""
     table = new_table(f"{name}: analysis", "what", "value")
     table.show_header = False

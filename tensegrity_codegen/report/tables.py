@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.table import Table
 
 from tensegrity_codegen.report.long_table import LongTable, Ranking, add_row, new_table, rank_rows
 from tensegrity_codegen.runtime.trajectory.trajectory import Foot
@@ -15,6 +14,8 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.manifest import Manifest
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from tensegrity_codegen.runtime.statics.equilibrium_record import SegmentError
 
 # Names and units of the facts about a run.
@@ -44,7 +45,7 @@ RUN_ROWS = {
 }
 
 
-def functions_table(manifest: Manifest) -> Table:
+def functions_table(manifest: Manifest) -> "Table":
     """Return a table of the emitted functions: arguments, shape, unit, operations."""
     table = new_table(
         f"{manifest.name}: functions", "quantity", "arguments", "shape", "unit", operations="right"
@@ -72,7 +73,7 @@ def describe_parts(manifest: Manifest) -> str:
     return "\n".join(rows)
 
 
-def left_out_table(manifest: Manifest) -> Table:
+def left_out_table(manifest: Manifest) -> "Table":
     """Return a table of the features that the library omits, with reasons and savings."""
     counts = ["functions", "arguments", "operations"]
     counts += ["object_bytes"] if any(feature.measured for feature in manifest.left_out) else []
@@ -84,7 +85,7 @@ def left_out_table(manifest: Manifest) -> Table:
     return table
 
 
-def memory_table(code_bytes: int | None, stack_bytes: Mapping[str, int]) -> Table:
+def memory_table(code_bytes: int | None, stack_bytes: Mapping[str, int]) -> "Table":
     """Return a table of the program memory of a library and the stack of its functions [bytes]."""
     size = "unknown" if code_bytes is None else f"{code_bytes:,} bytes"
     table = new_table(f"code and constants: {size}; stack at most", "function", bytes="right")
@@ -317,7 +318,7 @@ def rank_members(
     )
 
 
-def run_table(summary: Mapping[str, Any]) -> Table:
+def run_table(summary: Mapping[str, Any]) -> "Table":
     """Return a table of the facts about a run that `Trajectory.summary` gives, without the unknown ones."""
     table = new_table("", "fact", "value")
     table.show_header = False

@@ -78,6 +78,28 @@ def test_statics_with_a_cached_library_imports_no_part_of_scipy_that_it_does_not
     assert sorted({*unused, "casadi"} & {*find_loaded(verb, str(prism), "--json")}) == []
 
 
+@pytest.mark.parametrize(
+    ("words", "unused"),
+    [
+        (("export", "csv", "{scene}", "--out", "tables", "--overwrite"), ("scipy.sparse", "casadi", "PIL")),
+        (("analyse", "{scene}"), ("casadi", "matplotlib", "jinja2")),
+        (("linearize", "{scene}"), ("tensegrity_codegen.runtime.statics.newton", "casadi")),
+    ],
+)
+def test_verbs_with_warnings_import_neither_rich_nor_other_formats_and_searches(
+    words: tuple[str, ...], unused: tuple[str, ...], prism: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(prism.parent)
+    words = (*(word.format(scene=prism) for word in words), "--json")
+    find_loaded(*words)  # builds the library, unless it is in the cache
+    loaded = find_loaded(*words)
+    assert sorted({*unused, "rich"} & {*loaded}) == []
+    if "export" in words:
+        modules = [name for name in loaded if name.startswith("tensegrity_codegen.export.export_")]
+        assert modules == ["tensegrity_codegen.export.export_csv"]
+        assert "tensegrity_codegen.cli.verbs.build" not in loaded
+
+
 def test_schemas_of_sections_are_built_with_that_of_the_scene_which_is_validated() -> None:
     code = "from tensegrity_codegen.scene.schema.schema import Node, Scene\nimport json\n"
     code += "scene = {'name': 'a', 'nodes': {'n': {'position': [0, 0, 0]}}}\n"
