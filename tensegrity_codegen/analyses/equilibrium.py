@@ -376,9 +376,8 @@ def _record_found(
     model: "CompiledModel", coordinate: "NDArray[Any]", arguments: Mapping[str, Any], status: str
 ) -> "Equilibrium":
     """Return the record of an equilibrium that was found before, without a search."""
-    from tensegrity_codegen.runtime.statics.equilibrium import build_problem
+    from tensegrity_codegen.runtime.statics.equilibrium import build_problem, record_outcome
     from tensegrity_codegen.runtime.statics.newton import Outcome
-    from tensegrity_codegen.runtime.statics.record_outcome import record_outcome
 
     problem = build_problem(model, arguments)
     start = problem.to_search_coordinate(coordinate)

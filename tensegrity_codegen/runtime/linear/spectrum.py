@@ -41,12 +41,9 @@ def find_spectrum(state_matrix: Any, count: int, n_internal: int = 0) -> Spectru
     n_coordinates = state_matrix.shape[0] // 2
     is_complete = 2 * n_coordinates <= DENSE_STATES or count >= n_coordinates - 1
     acceleration: Any = scipy.sparse.csr_array(state_matrix)[n_coordinates:]
-    if is_complete:
-        acceleration = acceleration.toarray()
-    stiffness, damping = acceleration[:, :n_coordinates], acceleration[:, n_coordinates:]
-    if not is_complete:
-        stiffness, damping = scipy.sparse.csc_array(stiffness), scipy.sparse.csc_array(damping)
-    is_undamped = not np.any(damping if is_complete else damping.data)
+    halves = acceleration[:, :n_coordinates], acceleration[:, n_coordinates:]
+    stiffness, damping = (half.toarray() if is_complete else scipy.sparse.csc_array(half) for half in halves)
+    is_undamped = _bound_eigenvalues(damping) == 0.0
     # Eigenvalues below zero_bound are zero to rounding.
     if is_undamped:
         largest = _bound_eigenvalues(stiffness)

@@ -42,8 +42,7 @@ class RigidBars:
         free = np.lexsort((column, bar))  # in the order of compressed rows
         free = free[column[free] >= 0]
         self.bar, self.column, self.axis, self.sign = bar[free], column[free], axis[free], sign[free]
-        self._start = np.searchsorted(self.bar, np.arange(count + 1)).astype(np.int32)
-        self._index = self.column.astype(np.int32)
+        self._pattern = scipy.sparse.csr_array((self.sign, (self.bar, self.column)), shape=(count, self.size))
         shape = (3 * count, self.size)
         self._difference = scipy.sparse.csr_array(
             (self.sign, (3 * self.bar + self.axis, self.column)), shape=shape
@@ -66,8 +65,8 @@ class RigidBars:
 
     def rows(self, vectors: FloatArray) -> Any:
         """Return one row a bar with its vector (n_bars, 3) at node i and minus it at j, sparse as J."""
-        data = self.sign * vectors[self.bar, self.axis]
-        return scipy.sparse.csr_array((data, self._index, self._start), shape=(len(self.row), self.size))
+        data, at = self.sign * vectors[self.bar, self.axis], self._pattern
+        return scipy.sparse.csr_array((data, at.indices, at.indptr), shape=at.shape)
 
     def pull(self, jacobian: Any, tension: FloatArray) -> FloatArray:
         """Return J^T t, (n_coordinates,) [N]."""
@@ -91,9 +90,7 @@ class RigidBars:
     @cached_property
     def _pairs(self) -> tuple[IntArray, IntArray, FloatArray]:
         """Return all pairs of entries of one bar, and 1 for one end, -1 for both, on one axis, else 0."""
-        count = np.diff(self._start)[self.bar]
-        first = np.repeat(np.arange(len(self.bar)), count)
-        second = np.arange(len(first)) - np.repeat(np.cumsum(count) - count - self._start[self.bar], count)
+        first, second = np.nonzero(self.bar[:, None] == self.bar)
         turns = (self.axis[first] == self.axis[second]) * self.sign[first] * self.sign[second]
         return first, second, turns
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT, Factoriser, Solve
+from tensegrity_codegen.runtime.statics.factors import Factoriser, Solve
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.tables.strands import Strands
@@ -176,15 +176,12 @@ class MemberDamping(Damping):
 
     def factorise(self, stiffness: Any, difference: Any, point: Point, here: Members) -> Solve | None:
         """Return the solution with enough damping; None if MAX_FACTORS factorisations do not find one."""
-        matrix = stiffness
-        if stiffness.shape[0] <= DENSE_LIMIT and not isinstance(stiffness, np.ndarray):
-            matrix = stiffness.toarray()
         least_shift = find_least_shift(self.problem.bound_rounding(stiffness, point.coordinate), here)
         tension = self.problem.strands.spread(self.problem.find_stiff_tension(point))
         compression = np.maximum(-tension, 0.0) / here.length
         for _ in range(MAX_FACTORS):
             weight, shift = self.find_weight(compression), float((self.shift + least_shift)[0])
-            solve = self.factoriser.factorise(_add(matrix, difference, weight, shift))
+            solve = self.factoriser.factorise(_add(stiffness, difference, weight, shift))
             if solve is not None:
                 return solve
             self.harden(here, least_shift)

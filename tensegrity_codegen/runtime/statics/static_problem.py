@@ -309,7 +309,9 @@ class StaticProblem:
         return np.flatnonzero(np.isin(self.strands.member, self.kept_members))
 
     def find_path_stiffness(self, stiffness: Any, point: Point) -> Any:
-        """Return the Hessian of the energy along the curves that steps follow."""
+        """Return the Hessian of the energy along the curves that steps follow, dense if small."""
+        if stiffness.shape[0] <= DENSE_LIMIT:
+            stiffness = stiffness.toarray()
         if self.stiff is None:
             return stiffness
         return self.stiff.correct_stiffness(stiffness, self.node_position(point.coordinate), point.residual)

@@ -26,7 +26,6 @@ import numpy as np
 import scipy
 
 from tensegrity_codegen.runtime.model.rigid_bars import EPSILON, RigidBars
-from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 from tensegrity_codegen.tables.manifest import Manifest
 
@@ -98,12 +97,12 @@ class StiffMembers:
         return changed
 
     def correct_stiffness(self, stiffness: Any, position: FloatArray, residual: FloatArray) -> Any:
-        """Return the Hessian K* along curves, (n_coordinates, n_coordinates) [N/m], dense if small."""
+        """Return the Hessian K* along curves, (n_coordinates, n_coordinates) [N/m], dense or sparse."""
         jacobian = self._find_jacobian(position)
         length = np.linalg.norm(self.lengths.vectors(position), axis=1)
         density = self.lengths.find_tension(jacobian, residual) / length
-        if len(residual) <= DENSE_LIMIT:
-            return self.lengths.bend(stiffness.toarray(), density, jacobian)
+        if isinstance(stiffness, np.ndarray):
+            return self.lengths.bend(stiffness, density, jacobian)
         along = jacobian.T @ scipy.sparse.diags_array(density) @ jacobian
         return scipy.sparse.csc_array(stiffness + self.lengths.stiffness(density) - along)
 

@@ -18,6 +18,7 @@ from tensegrity_codegen.runtime.statics.batch.points import BatchProblem, Points
 from tensegrity_codegen.runtime.statics.batch.search import LEFT, BatchSearch
 from tensegrity_codegen.runtime.statics.batch.stability import find_distances, find_stabilities
 from tensegrity_codegen.runtime.statics.equilibrium import (
+    START_RESIDUAL_TOLERANCE,
     build_problem,
     check_search_options,
     describe_unheld,
@@ -25,7 +26,6 @@ from tensegrity_codegen.runtime.statics.equilibrium import (
 )
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT
-from tensegrity_codegen.runtime.statics.record_outcome import START_RESIDUAL_TOLERANCE
 from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES
 from tensegrity_codegen.runtime.statics.stiff_members import are_stiff, find_spring_constants
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
