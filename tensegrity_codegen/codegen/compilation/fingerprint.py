@@ -81,10 +81,12 @@ def hash_package_state(*folders: Path) -> str:
 
 def _list_sources(folder: Path) -> list[str]:
     """Return the names of the source files below a folder, relative to it."""
-    top = len(str(folder)) + 1
-    walked = ((folder_path[top:], names) for folder_path, _, names in os.walk(folder))
-    paths = (os.path.join(folder_path, name) for folder_path, names in walked for name in names)  # noqa: PTH118
-    return sorted(name for name in paths if name.endswith((".py", ".j2", ".c", ".h")))
+    top, paths = len(str(folder)) + 1, list[str]()
+    for folder_path, folders, names in os.walk(folder):
+        folders[:] = [name for name in folders if name != "__pycache__"]
+        sources = (name for name in names if name.endswith((".py", ".j2", ".c", ".h")))
+        paths += [os.path.join(folder_path[top:], name) for name in sources]  # noqa: PTH118
+    return sorted(paths)
 
 
 def _is_empty(value: Any) -> bool:
