@@ -1,202 +1,84 @@
 """The call that README shows, `simulate` from Python by its defaults, over seven structures and tolerances.
 
 python benchmarks/simulate_calls.py --references DIR [--only NAME ...] [--rtol 1e-3 ...] [--quick]
-                                    [--ours-only] [--json FILE] [--document FILE]
+                                    [--patience 3] [--ours-only] [--json FILE] [--write]
 
 Ours is `simulate(model, t_end, samples=11, rtol=rtol)`, all else by default, on a model that
 `compile_scene(scene, for_=("simulate",), rtol=rtol)` made before. Times are medians of processor time over
 rounds that take turns. The true error is the largest of all node coordinates at the eleven times, against a
-motion of the elastic structure that two methods certify and that `--references` keeps. Told over true compares
-`error_estimate` with the true error in the norm of the tolerance, of positions and velocities of nodes, without
-what the evidence states apart (`vibration_speed_error`); told over tolerance is `error_estimate` itself.
+motion of the elastic structure that two methods certify and that `--references` keeps. Told over true
+compares `error_estimate` with the true error in the norm of the tolerance, of positions and velocities of
+nodes, without what the evidence states apart (`vibration_speed_error`); told over tolerance is
+`error_estimate` itself.
+
+The others are called from Python too, each at the fastest of its settings, four a decade, that has no larger
+error: MuJoCo's integrators, bars as springs and as rigid bodies, one `mj_step` for all steps between two
+samples (`mujoco.rollout` takes as long), and CVODE by scikit-sundae with both methods and its dense, sparse
+and iterative solvers, over our compiled accelerations and Jacobians. They are compared at the error that our
+call has, and at the one that was asked for, rtol times the largest extent of the structure. The mass of bars
+is at their ends, since springs have no mass in MuJoCo. A setting that takes longer than the patience and
+twelve times our longest call of a structure counts as one that does not reach the error. MuJoCo's law of
+contacts is another one, so that it has no part on the ground.
 """
 
 import argparse
-import hashlib
 import json
 import re
-import tomllib
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from harness.cvode_calls import Rates
+from harness.simulate_cases import CASES, SAMPLES, Case, Truth, find_truth
 from harness.turns import (
-    EXAMPLES,
+    ROOT,
     describe_origin,
     measure_call,
+    replace_figures,
     table_text,
     take_turns,
 )
-from live_pages import write_net
-from stiff_bars import TOWER
+from stiff_bars import run_within
 
-from tensegrity_codegen.pipeline.compile_scene import compile_scene
+from tensegrity_codegen.pipeline.compile_scene import compile_scene, load_scene
 from tensegrity_codegen.runtime.accuracy.scales import set_atol_by_motion, tolerance_of_options
 from tensegrity_codegen.runtime.accuracy.tolerance import Tolerance
-from tensegrity_codegen.runtime.integrate.options import Stepping, read_stepping
+from tensegrity_codegen.runtime.integrate.options import read_stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.motion_input import read_motion
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
-from tensegrity_codegen.studies.work_precision.measure import Reference, find_agreement
-from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.studies.stability.cases import as_springs
+from tensegrity_codegen.studies.work_precision.measure import Contender, MotionProblem, Unavailable
+from tensegrity_codegen.studies.work_precision.peers import mujoco_tendons
 
-SAMPLES = 11
 RTOLS = (1e-3, 1e-5, 1e-7)
-ROUNDS = 9
+ROUNDS, QUICK_ROUNDS = 9, 3
 ENOUGH = 0.02  # seconds over which short calls are repeated in a round
-# Methods that certify a reference: two runs of different ones, those that agree best. Rounding keeps some
-# from the tightest setting, or makes it no better.
-CERTIFYING = {"rk853": (1e-13, 1e-12, 1e-10), "rk54": (1e-13, 1e-12, 1e-10)}
-ATOL_OF_RTOL = 1e-2
-STANDING = """\
-name = "standing"
-gravity = [0, 0, -9.81]
-[classes.bar]
-kind = "bar"
-spring_constant = 2e5
-damping = 5
-mass = 0.1
-radius = 0.006
-[classes.cable]
-kind = "cable"
-spring_constant = 2000
-damping = 2
-[shape]
-kind = "prism"
-bars = 3
-bottom_radius = 0.15
-top_radius = 0.12
-height = 0.30
-node_mass = 0.02
-prestress = 20
-[ground]
-offset = -0.05
-stiffness = 2e4
-restitution = { value = 0.5, speed = 1.0 }
-friction = 0.5
-"""
-
-
-@dataclass(frozen=True)
-class Case:
-    """A structure and the simulated time [s]; scene: makes its document."""
-
-    name: str
-    t_end: float
-    scene: Callable[[], dict[str, Any]]
-
-    @property
-    def times(self) -> FloatArray:
-        """Sample times (n_t,) [s]."""
-        return np.linspace(0.0, self.t_end, SAMPLES)
-
-
-def _prism(ratio: float, **shape: Any) -> dict[str, Any]:
-    """Return the example prism, bars so many times as stiff as its cables."""
-    scene = _example("prism", shape)
-    scene["classes"]["bar"]["spring_constant"] = ratio * scene["classes"]["cable"]["spring_constant"]
-    return scene
-
-
-def _example(name: str, shape: Mapping[str, Any]) -> dict[str, Any]:
-    """Return an example, the mass of its bars at their ends: springs have no mass in MuJoCo."""
-    scene = tomllib.loads((EXAMPLES / f"{name}.toml").read_text(encoding="utf-8"))
-    scene["shape"].update(shape)
-    structure = compile_scene(scene).structure
-    (mass,) = set(np.round(structure.lumped_mass, 15).tolist())  # one bar at every node
-    scene["shape"]["node_mass"] = mass
-    for values in scene["classes"].values():
-        for key in ("density", "mass", "inner_radius"):
-            values.pop(key, None)
-    return scene
-
-
-def _net() -> dict[str, Any]:
-    """Return a flat square net of 112 cables that hangs at its edge, with a load on two nodes."""
-    scene = tomllib.loads(write_net(9))
-    scene["loads"] = [{"node": "n40", "force": [0, 0, -5]}, {"node": "n21", "force": [0, 2, -5]}]
-    return scene
-
-
-CASES = (
-    Case("prism, bars 1e3", 1.0, partial(_prism, 1e3)),
-    Case("prism, bars 1e5", 1.0, partial(_prism, 1e5)),
-    Case("icosahedron", 1.0, partial(_example, "icosahedron", {})),
-    Case("tower of 50", 0.1, partial(tomllib.loads, TOWER)),
-    Case("pinned prism", 1.0, partial(_prism, 1e3, anchor_bottom=True)),
-    Case("cable net", 1.0, _net),
-    Case("prism on the ground", 0.5, partial(tomllib.loads, STANDING)),
-    Case("tower of the papers", 1.0, partial(_example, "tower", {})),
-)
-
-
-@dataclass(frozen=True)
-class Truth:
-    """A certified motion: positions of nodes, states (n_t, n_states), and whether a cable goes slack."""
-
-    reference: Reference
-    state: FloatArray
-    goes_slack: bool
-
-    def error(self, motion: Trajectory, tolerance: Tolerance) -> float:
-        """Return the largest error of the position or velocity of a node, over the tolerance.
-
-        The error of velocities that the result states apart from its estimate does not count.
-        """
-        apart = tolerance.lengths(np.hstack([motion.coordinate, motion.velocity]) - self.state)
-        stated = np.array([0.0, motion.evidence.get("vibration_speed_error", 0.0)])
-        apart = np.maximum(apart - np.repeat(stated, len(tolerance.first)), 0.0)
-        return float(np.max(apart / tolerance.allowed(self.state)))
-
-
-def find_truth(case: Case, folder: Path) -> Truth:
-    """Return the reference of a case, from its file if there is one."""
-    scene = case.scene()
-    key = hashlib.sha256(json.dumps([scene, case.t_end, CERTIFYING]).encode()).hexdigest()[:12]
-    path = folder / f"{case.name.replace(' ', '_')}-{key}.npz"
-    if not path.exists():
-        model = compile_scene(scene, for_=("simulate",), integrators=tuple(CERTIFYING))
-        runs: dict[str, dict[str, Trajectory]] = {}
-        for method, rtols in CERTIFYING.items():
-            for rtol in rtols:
-                stepping = Stepping(atol=ATOL_OF_RTOL * rtol, control="steps", max_steps=10**8)
-                run = simulate(
-                    model, case.t_end, samples=SAMPLES, method=method, rtol=rtol, stepping=stepping
-                )
-                if run.status == "ok":
-                    runs.setdefault(method, {})[f"{method} at {rtol:.0e}"] = run
-        first, second = runs.values()
-        pairs = product(first.items(), second.items())
-        agreements = [find_agreement([(n, r.node_position) for n, r in pair]) for pair in pairs]
-        found = min(agreements, key=lambda agreement: agreement.uncertainty)
-        best = first[found.first]
-        slack = bool(
-            "cable" in best.log.kind or (best.member_tension[:, model.structure.tension_only] <= 0).any()
-        )
-        folder.mkdir(parents=True, exist_ok=True)
-        state = np.hstack([best.coordinate, best.velocity])
-        text = json.dumps({"reference": found.as_dict(), "goes_slack": slack})
-        np.savez(path, text=text, state=state)
-        print(
-            f"{case.name}: {found.first} and {found.second} differ by {found.uncertainty:.1e} m", flush=True
-        )
-    with np.load(path) as data:
-        kept = json.loads(str(data["text"]))
-        state = data["state"]
-    shape = np.shape(kept["reference"]["node_position"])
-    reference = Reference.from_dict(kept["reference"], shape)
-    assert reference is not None
-    return Truth(reference, state, kept["goes_slack"])
+PATIENCE = 12.0  # times our longest call of a structure that a run of a peer may take at least
+LONG = 1.0  # seconds of a run of a peer from which on it is not repeated
+A_DECADE = 4  # settings of a peer that are tried
+CANDIDATES = 2  # of them that reach the least error, of which the fastest counts
+PROGRAMS = ("MuJoCo", "CVODE")
+KINDS = {"own": "at the error that ours has", "asked": "at the error asked for"}
+BEGIN, END = "<!-- figures: benchmarks/simulate_calls.py -->", "<!-- end of figures -->"
+DOCUMENT = ROOT / "docs" / "simulate_calls.md"
 
 
 @dataclass
 class Row:
-    """Our call for a structure and a tolerance; told: its error estimate over the tolerance."""
+    """Our call for a structure and a tolerance.
+
+    told: its error estimate over the tolerance; true: its error over the tolerance; size: of the structure
+    [m]; peers: by error ("own" or "asked") and program the fastest setting that reaches it.
+    """
 
     case: str
     rtol: float
@@ -210,11 +92,22 @@ class Row:
     n_rejected: int
     method: str
     status: str
+    peers: dict[tuple[str, str], Any] = field(default_factory=dict)
+
+    @property
+    def asked(self) -> float:
+        """The error that was asked for [m]."""
+        return self.rtol * self.size
 
     @property
     def told_over_true(self) -> float:
         """The error estimate over the true error, both over the tolerance."""
         return self.told / self.true
+
+    def ratio(self, kind: str, program: str) -> float:
+        """Return the time of a program over ours, infinite where it does not reach the error."""
+        trial = self.peers[kind, program]
+        return float("inf") if trial is None else float(trial.seconds / self.seconds)
 
     def cells(self) -> tuple[str, ...]:
         """Return the cells of the table."""
@@ -244,7 +137,7 @@ HEADS = (
 
 
 def prepare(case: Case, rtol: float, truth: Truth) -> tuple[Row, Callable[[], Trajectory]]:
-    """Return the row of a call, its time not measured yet, and the call."""
+    """Return the row of a call, its time measured once, and the call."""
     model = compile_scene(case.scene(), for_=("simulate",), rtol=rtol)
     call = partial(simulate, model, t_end=case.t_end, samples=SAMPLES, rtol=rtol)
     motion = call()
@@ -252,11 +145,11 @@ def prepare(case: Case, rtol: float, truth: Truth) -> tuple[Row, Callable[[], Tr
     row = Row(
         case.name,
         rtol,
-        float("nan"),
+        measure_call(call),
         truth.reference.error(motion.node_position),
         float("nan") if motion.error_estimate is None else motion.error_estimate,
         truth.error(motion, find_tolerance(model, case, rtol)),
-        float(np.ptp(model.structure.node_position, axis=0).max()),
+        float(np.ptp(truth.reference.node_position[0], axis=0).max()),
         truth.reference.uncertainty,
         motion.n_steps,
         int(rejected[1].replace(",", "")) if rejected else 0,
@@ -273,39 +166,183 @@ def find_tolerance(model: CompiledModel, case: Case, rtol: float) -> Tolerance:
     return tolerance_of_options(model.manifest, set_atol_by_motion(motion, options))
 
 
-def time_rows(rows: Mapping[str, tuple[Row, Callable[[], object]]], rounds: int) -> None:
-    """Measure the calls in rounds that take turns."""
+def time_in_turns(calls: Sequence[tuple[Any, Callable[[], object]]], rounds: int) -> None:
+    """Put the medians over rounds that take turns in `seconds` of what belongs to each call."""
     runs = {}
-    for name, (_, call) in rows.items():
+    for number, (_, call) in enumerate(calls):
         once = measure_call(call)
-        runs[name] = partial(measure_call, call, max(1, min(100, int(ENOUGH / once))))
-    for name, seconds in take_turns(runs, rounds).items():
-        rows[name][0].seconds = float(np.median(seconds))
+        runs[str(number)] = partial(measure_call, call, max(1, min(100, int(ENOUGH / once))))
+    for (item, _), seconds in zip(calls, take_turns(runs, rounds).values(), strict=True):
+        item.seconds = float(np.median(seconds))
+
+
+# Peers
+
+
+def list_peers(case: Case, truth: Truth) -> Iterator[tuple[str, Contender]]:
+    """Yield program and contender: MuJoCo, where it has the same physics, and CVODE."""
+    structure, _ = load_scene(case.scene())
+    assert isinstance(structure, Structure)
+    if structure.ground is None:
+        springs = as_springs(structure)
+        if not truth.goes_slack:  # MuJoCo's tendons keep their damping when slack: here none is
+            springs = springs.with_changes(tension_only=np.zeros(structure.n_members, dtype=bool))
+        for _, make in mujoco_tendons.contenders(MotionProblem(springs, case.times, False)):
+            with suppress(Unavailable):
+                yield "MuJoCo", make()
+    rates = Rates(structure)
+    for method, solver in product(("Adams", "BDF"), rates.solvers):
+        yield "CVODE", rates.contender(case.times, method, solver)
+
+
+@dataclass
+class Trial:
+    """A setting of a peer, its CPU seconds and its error [m]."""
+
+    program: str
+    contender: Contender
+    setting: float
+    seconds: float
+    error: float
+
+    def words(self) -> str:
+        """Return the time and the setting that takes it, for a table."""
+        kind = "step" if self.contender.kind == "step" else "rtol"
+        name = self.contender.name.removeprefix(self.program).strip()
+        return f"{1e3 * self.seconds:.2f} ({name}, {kind} {self.setting:.0e})"
+
+
+def scan(case: Case, truth: Truth, least: float, patience: float) -> list[Trial]:
+    """Return trials of all peers from loose settings to tight ones, until the least error is reached.
+
+    A peer ends where it takes longer than one of the same program that has reached it, or than the patience,
+    or where it gains nothing any more.
+    """
+    trials: list[Trial] = []
+    bounds: dict[str, float] = {}
+    for program, contender in list_peers(case, truth):
+        errors: list[float] = []
+        decades, window = (7, A_DECADE) if contender.kind == "step" else (14, 2 * A_DECADE)
+        for k in range(A_DECADE, decades * A_DECADE):
+            setting = 10.0 ** (-k / A_DECADE)
+            contender.prepare(setting)
+            seconds, run = run_within(contender, setting, patience)
+            if run is None:
+                break
+            errors.append(truth.reference.error(run.node_position) if run.status == "ok" else np.inf)
+            trials.append(Trial(program, contender, setting, seconds, errors[-1]))
+            if errors[-1] <= least:
+                bounds[program] = min(bounds.get(program, patience), seconds)
+            if seconds > bounds.get(program, patience) or sum(e <= least for e in errors) >= CANDIDATES:
+                break
+            if len(errors) > window and 0.9 * errors[-1 - window] < errors[-1] < np.inf:
+                break
+    return trials
+
+
+def compare(case: Case, rows: Sequence[Row], truth: Truth, patience: float) -> Iterator[Trial]:
+    """Give the rows of a case the fastest settings of the peers at both errors; yield those settings."""
+    least = min(min(row.error, row.asked) for row in rows)
+    trials = scan(case, truth, least, max(patience, PATIENCE * max(row.seconds for row in rows)))
+    for row, kind, program in product(rows, KINDS, PROGRAMS):
+        error = row.error if kind == "own" else row.asked
+        good = [trial for trial in trials if trial.program == program and trial.error <= error]
+        row.peers[kind, program] = min(good, key=lambda trial: trial.seconds, default=None)
+    chosen = {id(trial): trial for row in rows for trial in row.peers.values() if trial is not None}
+    yield from chosen.values()
+
+
+def repeat(trial: Trial) -> Callable[[], object]:
+    """Return the call of a trial."""
+    trial.contender.prepare(trial.setting)
+    return lambda: trial.contender.run(trial.setting)()
+
+
+def peer_cells(row: Row, kind: str) -> Iterator[str]:
+    """Yield the cells of each program: its time with what it is, and its time over ours."""
+    for program in PROGRAMS:
+        trial = row.peers[kind, program]
+        missing = "its law is another" if "ground" in row.case and program == "MuJoCo" else "not reached"
+        yield missing if trial is None else trial.words()
+        yield "" if trial is None else f"{row.ratio(kind, program):.2f}"
+
+
+def summarise(rows: Sequence[Row]) -> Iterator[str]:
+    """Yield sentences on the ratios: of each program at each error, and of the smaller one of a row."""
+    for program, kinds in product(PROGRAMS, (*((kind,) for kind in KINDS), tuple(KINDS))):
+        ratios = np.array([min(row.ratio(kind, program) for kind in kinds) for row in rows])
+        reached = np.isfinite(ratios)
+        title = KINDS[kinds[0]] if len(kinds) == 1 else "the smaller of both"
+        if reached.any():
+            middle, least = np.median(ratios[reached]), ratios.min()
+            yield (
+                f"- {program} {title}: {middle:.1f} times our time at the median, {least:.2f} times in the "
+                f"worst row, of {reached.sum()} rows of {len(rows)} that it reaches."
+            )
+
+
+def write_rows(rows: Sequence[Row], file: Path) -> None:
+    """Write the rows, of peers the names, settings, times and errors of the chosen trials."""
+
+    def plain(trial: Trial | None) -> Any:
+        return trial and [trial.contender.name, trial.setting, trial.seconds, trial.error]
+
+    peers = [{" ".join(key): plain(trial) for key, trial in row.peers.items()} for row in rows]
+    data = [{**vars(row), "peers": found} for row, found in zip(rows, peers, strict=True)]
+    file.write_text(json.dumps(data, indent=1), encoding="utf-8")
+
+
+def write_text(rows: Sequence[Row], has_peers: bool) -> str:
+    """Return origin, tables and summary."""
+    if not has_peers:
+        return "\n\n".join((describe_origin(), table_text(HEADS, [row.cells() for row in rows])))
+    others = [head for program in PROGRAMS for head in (f"{program} [ms]", "over ours")]
+    own = [(*row.cells(), *peer_cells(row, "own")) for row in rows]
+    asked = [(*row.cells()[:3], f"{row.asked:.1e}", *peer_cells(row, "asked")) for row in rows]
+    return "\n\n".join(
+        (
+            describe_origin(),
+            "At the error that ours has:",
+            table_text((*HEADS, *others), own),
+            "At the error asked for:",
+            table_text((*HEADS[:3], "error asked for [m]", *others), asked),
+            "\n".join(summarise(rows)),
+        )
+    )
 
 
 def main() -> None:
-    """Print the table, and write it where asked to."""
+    """Print the tables, and write them into the page if asked to."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--references", type=Path, required=True, help="folder of the certified motions")
     parser.add_argument("--only", nargs="*", default=[], help="words of the names of structures")
     parser.add_argument("--rtol", nargs="*", type=float, default=RTOLS, help="relative tolerances")
     parser.add_argument("--quick", action="store_true", help="fewer rounds")
     parser.add_argument("--ours-only", action="store_true", help="without other programs")
+    parser.add_argument("--patience", type=float, default=3.0, help="seconds that a run of a peer may take")
     parser.add_argument("--json", type=Path, help="file for the rows")
+    parser.add_argument("--write", action="store_true", help="write docs/simulate_calls.md")
     words = parser.parse_args()
-    rows = {}
+    rows: list[Row] = []
     for case in CASES:
         if words.only and not any(word in case.name for word in words.only):
             continue
         truth = find_truth(case, words.references)
-        for rtol in words.rtol:
-            rows[f"{case.name} {rtol:.0e}"] = prepare(case, rtol, truth)
-    time_rows(rows, 3 if words.quick else ROUNDS)
-    found = [row for row, _ in rows.values()]
-    print(describe_origin())
-    print(table_text(HEADS, [row.cells() for row in found]))
+        calls: list[tuple[Any, Callable[[], object]]] = [prepare(case, r, truth) for r in words.rtol]
+        found = [row for row, _ in calls]
+        if not words.ours_only:
+            chosen = compare(case, found, truth, words.patience)
+            calls += [(trial, repeat(trial)) for trial in chosen if trial.seconds < LONG]
+        time_in_turns(calls, QUICK_ROUNDS if words.quick else ROUNDS)
+        rows += found
+        print(f"{case.name}: done", file=sys.stderr, flush=True)
+    text = write_text(rows, not words.ours_only)
+    print(text)
     if words.json:
-        words.json.write_text(json.dumps([asdict(row) for row in found], indent=1), encoding="utf-8")
+        write_rows(rows, words.json)
+    if words.write:
+        about = (__doc__ or "").split("\n\n", 2)[2].strip()
+        replace_figures(DOCUMENT, BEGIN, END, f"{about}\n\n{text}")
 
 
 if __name__ == "__main__":
