@@ -35,7 +35,7 @@ from typing import Any
 
 import numpy as np
 from harness.cvode_calls import Rates
-from harness.simulate_cases import CASES, SAMPLES, Case, Truth, find_truth
+from harness.simulate_cases import CASES, SAMPLES, Case, Truth, find_truth, place_file
 from harness.turns import (
     ROOT,
     describe_origin,
@@ -65,6 +65,7 @@ ENOUGH = 0.02  # seconds over which short calls are repeated in a round
 PATIENCE = 12.0  # times our longest call of a structure that a run of a peer may take at least
 LONG = 1.0  # seconds of a run of a peer from which on it is not repeated
 A_DECADE = 4  # settings of a peer that are tried
+FASTER = 3.0  # times, by which others are no more rivals of a peer
 CANDIDATES = 2  # of them that reach the least error, of which the fastest counts
 PROGRAMS = ("MuJoCo", "CVODE")
 KINDS = {"own": "at the error that ours has", "asked": "at the error asked for"}
@@ -212,38 +213,59 @@ class Trial:
         return f"{1e3 * self.seconds:.2f} ({name}, {kind} {self.setting:.0e})"
 
 
-def scan(case: Case, truth: Truth, least: float, patience: float) -> list[Trial]:
+def scan(case: Case, truth: Truth, least: float, patience: float, folder: Path) -> list[Trial]:
     """Return trials of all peers from loose settings to tight ones, until the least error is reached.
 
-    A peer ends where it takes longer than one of the same program that has reached it, or than the patience,
-    or where it gains nothing any more.
+    They are kept in the folder, and made again where they do not go so far.
     """
+    path = place_file(case, folder, "-peers.json")
+    peers = {contender.name: (program, contender) for program, contender in list_peers(case, truth)}
+    kept: Any = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {"least": np.inf}
+    if kept["least"] <= least:
+        return [Trial(*peers[name], *numbers) for name, numbers in kept["trials"]]
     trials: list[Trial] = []
-    bounds: dict[str, float] = {}
-    for program, contender in list_peers(case, truth):
-        errors: list[float] = []
-        decades, window = (7, A_DECADE) if contender.kind == "step" else (14, 2 * A_DECADE)
-        for k in range(A_DECADE, decades * A_DECADE):
-            setting = 10.0 ** (-k / A_DECADE)
-            contender.prepare(setting)
-            seconds, run = run_within(contender, setting, patience)
-            if run is None:
-                break
-            errors.append(truth.reference.error(run.node_position) if run.status == "ok" else np.inf)
-            trials.append(Trial(program, contender, setting, seconds, errors[-1]))
-            if errors[-1] <= least:
-                bounds[program] = min(bounds.get(program, patience), seconds)
-            if seconds > bounds.get(program, patience) or sum(e <= least for e in errors) >= CANDIDATES:
-                break
-            if len(errors) > window and 0.9 * errors[-1 - window] < errors[-1] < np.inf:
-                break
+    for program, contender in peers.values():
+        trials += scan_peer(
+            program, contender, [t for t in trials if t.program == program], truth, least, patience
+        )
+    numbers = [[trial.contender.name, [trial.setting, trial.seconds, trial.error]] for trial in trials]
+    path.write_text(json.dumps({"least": least, "trials": numbers}), encoding="utf-8")
     return trials
 
 
-def compare(case: Case, rows: Sequence[Row], truth: Truth, patience: float) -> Iterator[Trial]:
+def scan_peer(
+    program: str, contender: Contender, rivals: Sequence[Trial], truth: Truth, least: float, patience: float
+) -> Iterator[Trial]:
+    """Yield the trials of a peer; it ends where it has no hope to be the fastest of its program.
+
+    That is beyond the patience, where it gains nothing any more, and where others have been three times as
+    fast at no larger error for more than a decade of settings.
+    """
+    errors: list[float] = []
+    behind = 0
+    decades, window = (7, A_DECADE) if contender.kind == "step" else (14, 2 * A_DECADE)
+    for k in range(A_DECADE, decades * A_DECADE):
+        setting = 10.0 ** (-k / A_DECADE)
+        contender.prepare(setting)
+        seconds, run = run_within(contender, setting, patience)
+        if run is None:
+            return
+        errors.append(truth.reference.error(run.node_position) if run.status == "ok" else np.inf)
+        if np.isfinite(errors[-1]):
+            yield Trial(program, contender, setting, seconds, errors[-1])
+        is_behind = any(rival.error <= errors[-1] and FASTER * rival.seconds < seconds for rival in rivals)
+        behind = behind + 1 if is_behind and np.isfinite(errors[-1]) else 0
+        if behind > A_DECADE or seconds > patience or sum(e <= least for e in errors) >= CANDIDATES:
+            return
+        if len(errors) > window and 0.9 * errors[-1 - window] < errors[-1] < np.inf:
+            return
+
+
+def compare(case: Case, rows: Sequence[Row], truth: Truth, patience: float, folder: Path) -> Iterator[Trial]:
     """Give the rows of a case the fastest settings of the peers at both errors; yield those settings."""
     least = min(min(row.error, row.asked) for row in rows)
-    trials = scan(case, truth, least, max(patience, PATIENCE * max(row.seconds for row in rows)))
+    longest = max(patience, PATIENCE * max(row.seconds for row in rows))
+    trials = scan(case, truth, least, longest, folder)
     for row, kind, program in product(rows, KINDS, PROGRAMS):
         error = row.error if kind == "own" else row.asked
         good = [trial for trial in trials if trial.program == program and trial.error <= error]
@@ -276,7 +298,7 @@ def summarise(rows: Sequence[Row]) -> Iterator[str]:
         if reached.any():
             middle, least = np.median(ratios[reached]), ratios.min()
             yield (
-                f"- {program} {title}: {middle:.1f} times our time at the median, {least:.2f} times in the "
+                f"- {program} {title}: {middle:.2f} times our time at the median, {least:.2f} times in the "
                 f"worst row, of {reached.sum()} rows of {len(rows)} that it reaches."
             )
 
@@ -314,7 +336,9 @@ def write_text(rows: Sequence[Row], has_peers: bool) -> str:
 def main() -> None:
     """Print the tables, and write them into the page if asked to."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--references", type=Path, required=True, help="folder of the certified motions")
+    parser.add_argument(
+        "--references", type=Path, required=True, help="folder of certified motions, and trials of peers"
+    )
     parser.add_argument("--only", nargs="*", default=[], help="words of the names of structures")
     parser.add_argument("--rtol", nargs="*", type=float, default=RTOLS, help="relative tolerances")
     parser.add_argument("--quick", action="store_true", help="fewer rounds")
@@ -331,7 +355,7 @@ def main() -> None:
         calls: list[tuple[Any, Callable[[], object]]] = [prepare(case, r, truth) for r in words.rtol]
         found = [row for row, _ in calls]
         if not words.ours_only:
-            chosen = compare(case, found, truth, words.patience)
+            chosen = compare(case, found, truth, words.patience, words.references)
             calls += [(trial, repeat(trial)) for trial in chosen if trial.seconds < LONG]
         time_in_turns(calls, QUICK_ROUNDS if words.quick else ROUNDS)
         rows += found

@@ -1,5 +1,7 @@
 """CVODE of SUNDIALS by scikit-sundae over our compiled accelerations, all called from Python."""
 
+import os
+import warnings
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -16,6 +18,9 @@ from tensegrity_codegen.studies.work_precision.peers.sundials import MAX_DENSE
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.request import ModelRequest
 
+os.environ.setdefault(
+    "SUNLOGGER_WARNING_FILENAME", os.devnull
+)  # of steps lost in the time, at loose settings
 MAX_STEPS = 10_000_000  # between two samples
 
 
@@ -78,7 +83,8 @@ class Rates:
             x[:] = y
             into[:] = speed
             for call in calls:
-                call()
+                if call():  # no finite result
+                    rate[:] = np.nan
             to[:] = rate
 
         def jacobian(_: float, y: FloatArray, __: FloatArray, to: FloatArray) -> None:
@@ -99,7 +105,9 @@ class Rates:
         node, axis = self.structure.coordinate_node_axis.T
 
         def prepare(rtol: float) -> None:
-            solvers[rtol] = CVODE(rates, rtol=rtol, atol=ATOL_OF_RTOL * rtol, **options)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # that a sparse Jacobian by differences would be another one
+                solvers[rtol] = CVODE(rates, rtol=rtol, atol=ATOL_OF_RTOL * rtol, **options)
 
         def run(rtol: float) -> Callable[[], Run]:
             try:

@@ -15,7 +15,7 @@ from live_pages import write_net
 from stiff_bars import TOWER
 
 from harness.turns import EXAMPLES
-from tensegrity_codegen.pipeline.compile_scene import compile_scene
+from tensegrity_codegen.pipeline.compile_scene import compile_scene, load_scene
 from tensegrity_codegen.runtime.accuracy.tolerance import Tolerance
 from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.simulate.simulate import simulate
@@ -83,7 +83,7 @@ def _example(name: str, shape: Mapping[str, Any]) -> dict[str, Any]:
     """Return an example, the mass of its bars at their ends: springs have no mass in MuJoCo."""
     scene = tomllib.loads((EXAMPLES / f"{name}.toml").read_text(encoding="utf-8"))
     scene["shape"].update(shape)
-    structure = compile_scene(scene).structure
+    structure, _ = load_scene(scene)
     (mass,) = set(np.round(structure.lumped_mass, 15).tolist())  # one bar at every node
     scene["shape"]["node_mass"] = mass
     for values in scene["classes"].values():
@@ -130,11 +130,15 @@ class Truth:
         return float(np.max(apart / tolerance.allowed(self.state)))
 
 
+def place_file(case: Case, folder: Path, ending: str) -> Path:
+    """Return where what is known of a case is kept."""
+    key = hashlib.sha256(json.dumps([case.scene(), case.t_end, CERTIFYING]).encode()).hexdigest()[:12]
+    return folder / f"{case.name.replace(' ', '_')}-{key}{ending}"
+
+
 def find_truth(case: Case, folder: Path) -> Truth:
     """Return the reference of a case, from its file if there is one."""
-    scene = case.scene()
-    key = hashlib.sha256(json.dumps([scene, case.t_end, CERTIFYING]).encode()).hexdigest()[:12]
-    path = folder / f"{case.name.replace(' ', '_')}-{key}.npz"
+    scene, path = case.scene(), place_file(case, folder, ".npz")
     if not path.exists():
         model = compile_scene(scene, for_=("simulate",), integrators=tuple(CERTIFYING))
         runs: dict[str, dict[str, Trajectory]] = {}
