@@ -78,7 +78,11 @@ INTERNAL = {
     *("read_until", "slip_until_held", "judge_snap"),
     *("record_outcome", "record_without_forces", "can_go_side_by_side", "block_size", "search_block"),
     *("find_equilibrium", "choose_request", "move_back", "LoopSource", "write_closed_loop"),
-    *("Sensing", "find_sensing", "find_cables", "CableTensions", "TensionLine", "TensionProgram"),
+    *("has_statics", "with_statics", "settle_structure", "find_settled", "move_near_origin", "is_corrected"),
+    *("follow_path", "remove_momentum", "check_members", "check_motion", "summarise_tensions"),
+    *("describe_tensions", "render_live", "find_modes", "load_nodes", "is_library_source", "read_manifest"),
+    *("compile_source", "check_buildable", "Sensing", "find_sensing", "find_cables", "CableTensions"),
+    *("TensionLine", "TensionProgram"),
 }
 HEADINGS = ("Parameters", "Attributes", "Returns", "Raises", "Notes", "Examples")
 

@@ -39,26 +39,7 @@ MAX_COORDINATES = 1000  # of structures whose modes are found; the analysis take
 def find_modes(
     subject: Subject, request: ModelRequest, count: int, warn: Callable[[str], None]
 ) -> tuple[Analysis | None, str]:
-    """Return the analysis with natural modes and mechanisms, or None and why there is none.
-
-    Parameters
-    ----------
-    subject : Structure or BodySystem
-        At the positions at which modes are found.
-    request : ModelRequest
-        Its request.
-    count : int
-        Number of modes; 0 for no analysis.
-    warn : callable
-        Called with a sentence if the analysis fails.
-
-    Returns
-    -------
-    analysis : Analysis or None
-        The analysis.
-    note : str
-        Why there is none, or "".
-    """
+    """Return the analysis with natural modes and mechanisms, or None and why there is none."""
     if count == 0:
         return None, ""
     size = subject.n_coordinates

@@ -35,20 +35,7 @@ def live_folder() -> Path:
 
 
 def render_live(scene: LiveScene, three: str, licence: str) -> str:
-    """Return the page as HTML.
-
-    Parameters
-    ----------
-    scene : LiveScene
-        The structure or result to show.
-    three, licence : str
-        The module of three.js and its licences, of `find_three`.
-
-    Returns
-    -------
-    str
-        The file.
-    """
+    """Return the page as HTML, with the module of three.js and its licences."""
     folder = live_folder()
     texts = {path.stem: path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.js"))}
     channels = [{"name": name, "data": channel.data} for name, channel in scene.channels.items()]

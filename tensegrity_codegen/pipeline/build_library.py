@@ -243,20 +243,7 @@ def build_library(
 
 
 def check_buildable(structure: Subject, request: ModelRequest) -> None:
-    """Raise the error that build_library would raise, before any C code is written or compiled.
-
-    Parameters
-    ----------
-    structure : Structure or BodySystem
-        The structure.
-    request : ModelRequest
-        Quantities, integrators, parameters and options.
-
-    Raises
-    ------
-    FormulationError
-        The formulation or emitter does not support the request.
-    """
+    """Raise the error that build_library would raise, before any C code is written or compiled."""
     from tensegrity_codegen.codegen.emit import check_request
 
     check_request(structure, request)

@@ -53,25 +53,7 @@ def load_scene(path: str | Path | Mapping[str, Any] | Scene) -> tuple[Subject, M
 
 
 def load_nodes(path: str | Path) -> Structure:
-    """Read a scene of nodes and members.
-
-    Parameters
-    ----------
-    path : str or Path
-        Scene file (TOML).
-
-    Returns
-    -------
-    Structure
-        The structure that the scene describes.
-
-    Raises
-    ------
-    SceneError
-        The file cannot be read, or a key or value is wrong.
-    FormulationError
-        The scene consists of bodies.
-    """
+    """Read a scene of nodes and members; raises FormulationError for a scene of bodies."""
     subject, _ = load_scene(path)
     if not isinstance(subject, Structure):
         problem = "this needs a scene of nodes and members"

@@ -34,37 +34,7 @@ def compile_source(
     scene: str,
     matches: Callable[[CacheEntry, Manifest], bool],
 ) -> tuple[CacheEntry, Manifest]:
-    """Compile generated files into a library in the cache, or find it there.
-
-    Parameters
-    ----------
-    sources : mapping of str to str
-        Generated files by name.
-    manifest : Manifest
-        What they hold.
-    compiler, flags, target
-        How they are compiled, and for which machine.
-    cache : Cache
-        Cache of compiled libraries.
-    scene : str
-        Hash of the scene, kept beside the library.
-    matches : callable
-        Whether a library in the cache is the one that is wanted.
-
-    Returns
-    -------
-    entry : CacheEntry
-        Files of the library.
-    manifest : Manifest
-        The manifest with the instruction sets that native code uses.
-
-    Raises
-    ------
-    CompileError
-        The compiler failed.
-    OutputError
-        The cache cannot be written.
-    """
+    """Compile generated files into a library in the cache, or find it there; with its complete manifest."""
     toolchain = describe_toolchain(compiler, flags, target)
     key = hash_text(*(content for source in sorted(sources.items()) for content in source), toolchain)
     with cache.lock(key):
@@ -100,20 +70,7 @@ def compile_source(
 
 
 def read_manifest(entry: CacheEntry, matches: Callable[[CacheEntry, Manifest], bool]) -> Manifest | None:
-    """Return the manifest of an entry, None unless the library is what it should be.
-
-    Parameters
-    ----------
-    entry : CacheEntry
-        Files of a library in the cache.
-    matches : callable
-        Whether the library is the one that is wanted.
-
-    Returns
-    -------
-    Manifest or None
-        The manifest; None if it cannot be read or is not of the library that is wanted.
-    """
+    """Return the manifest of an entry, None if it cannot be read or is not of the requested library."""
     try:
         manifest = Manifest.read(entry.folder / MANIFEST_FILE)
     except LibraryError:
@@ -122,16 +79,5 @@ def read_manifest(entry: CacheEntry, matches: Callable[[CacheEntry, Manifest], b
 
 
 def is_library_source(name: str) -> bool:
-    """Return whether a generated file belongs to the library itself, unlike the example.
-
-    Parameters
-    ----------
-    name : str
-        Name of the file.
-
-    Returns
-    -------
-    bool
-        Whether it is a C source or a header of the library.
-    """
+    """Return whether a generated file belongs to the library itself, unlike the example."""
     return name.endswith((".c", ".h")) and name != "example.c"

@@ -24,40 +24,13 @@ POINT_ANALYSES = {"equilibrium", "equilibria", "sensitivity", "linearize", "load
 
 
 def has_statics(request: ModelRequest) -> bool:
-    """Return whether models of this request support find_equilibrium.
-
-    Parameters
-    ----------
-    request : ModelRequest
-        Its formulation and options decide.
-
-    Returns
-    -------
-    bool
-        False for node distances, and for rigid bars with first-order correction.
-    """
+    """Return whether models of this request support find_equilibrium; node distances do not."""
     return find_formulation(request.formulation).has_statics and not is_corrected(request)
 
 
 def with_statics(structure: Subject, request: ModelRequest) -> ModelRequest:
-    """Return the request in a formulation that supports find_equilibrium.
-
-    Parameters
-    ----------
-    structure : Structure or BodySystem
-        The structure.
-    request : ModelRequest
-        The request.
-
-    Returns
-    -------
-    ModelRequest
-        The request itself, or one in node positions (with rigid bars: formulation rigid_bar).
-
-    Notes
-    -----
-    Bars with first-order correction are springs in the statics.
-    """
+    """Return the request in a formulation that supports find_equilibrium, itself if it does."""
+    # Bars with first-order correction are springs in the statics.
     if has_statics(request):
         return request
     rigid = isinstance(structure, Structure) and bool(structure.is_rigid.any())
@@ -83,33 +56,7 @@ def settle_structure(
     warn: Callable[[str], None] | None = None,
     arguments: Mapping[str, Any] | None = None,
 ) -> Structure:
-    """Return the structure with its nodes in equilibrium.
-
-    Parameters
-    ----------
-    structure : Structure
-        The structure, at its stated positions.
-    request : ModelRequest
-        A request whose models do not support find_equilibrium, see has_statics.
-    compiler, flags : str, optional
-        As for build_library.
-    warn : callable, optional
-        Called with each warning of the equilibrium, a sentence.
-    arguments : mapping, optional
-        Inputs and parameters by name, where they differ from the scene.
-
-    Returns
-    -------
-    Structure
-        The structure at its equilibrium, found in node positions.
-
-    Raises
-    ------
-    ConvergenceError, UnstableError
-        No stable equilibrium was found.
-    FormulationError, CompilerMissingError, CompileError
-        As for build_library.
-    """
+    """Return the structure with its nodes in equilibrium."""
     from tensegrity_codegen.runtime.paths.find_equilibrium import find_equilibrium
 
     statics = with_statics(structure, request)
@@ -126,31 +73,7 @@ def settle_structure(
 def find_settled(
     subject: Subject, request: ModelRequest, *, warn: Callable[[str], None] | None = None
 ) -> "tuple[Subject, Equilibrium]":
-    """Return the structure or bodies at the equilibrium, at rest, and the equilibrium itself.
-
-    Parameters
-    ----------
-    subject : Structure or BodySystem
-        At its stated positions.
-    request : ModelRequest
-        Of any formulation; the equilibrium is found in one that supports it.
-    warn : callable, optional
-        Called with each warning of the equilibrium, a sentence.
-
-    Returns
-    -------
-    settled : Structure or BodySystem
-        At the equilibrium, with zero velocities.
-    found : Equilibrium
-        Positions at their place, tensions (those of rigid bars too), evidence.
-
-    Raises
-    ------
-    ConvergenceError, UnstableError
-        No stable equilibrium was found.
-    FormulationError, CompilerMissingError, CompileError
-        As for build_library.
-    """
+    """Return the structure or bodies at rest at the equilibrium, and the equilibrium at its place."""
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 
     statics = with_statics(subject, request)
@@ -175,28 +98,10 @@ def find_settled(
 
 
 def move_near_origin(structure: Subject, request: ModelRequest) -> tuple[Any, NDArray[np.float64]]:
-    """Return the structure for its statics, near the origin.
-
-    Parameters
-    ----------
-    structure : Structure or BodySystem
-        The structure.
-    request : ModelRequest
-        Its formulation decides whether the structure is moved.
-
-    Returns
-    -------
-    structure : Structure or BodySystem
-        The structure, moved along each axis on which that causes no rounding.
-    offset : ndarray, shape (3,) [m]
-        Motion back to the original place.
-
-    Notes
-    -----
-    Coordinates of node distances keep their digits far from the origin; node positions, in which the
-    equilibrium is found, do not. An axis is moved where all places are farther from zero than twice the
-    structure's extent.
-    """
+    """Return the structure for its statics, near the origin, and the motion back (3,) [m]."""
+    # Coordinates of node distances keep their digits far from the origin; node positions, in which the
+    # equilibrium is found, do not. An axis is moved where all positions are farther from zero than twice
+    # the extent of the structure.
     on_ground = getattr(structure, "ground", None) is not None
     if not isinstance(structure, Structure) or on_ground or find_formulation(request.formulation).has_statics:
         return structure, np.zeros(3)
@@ -224,16 +129,5 @@ def move_back(
 
 
 def is_corrected(request: ModelRequest) -> bool:
-    """Return whether the lengths of rigid bars follow their tensions (first-order correction).
-
-    Parameters
-    ----------
-    request : ModelRequest
-        Its options decide.
-
-    Returns
-    -------
-    bool
-        True with the option ``correction = "first_order"``.
-    """
+    """Return whether the lengths of rigid bars follow their tensions (first-order correction)."""
     return request.options.get("correction") == "first_order"

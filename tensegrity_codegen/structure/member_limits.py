@@ -148,26 +148,8 @@ def check_members(
     *,
     elastic: FloatArray | None = None,
 ) -> MemberChecks:
-    """Return members against the limits of their structure.
-
-    Parameters
-    ----------
-    structure : Structure or BodySystem
-        With sections, stiffnesses and limits of its members.
-    tension, length : ndarray, shape (..., n_members) [N, m]
-        Member tensions and lengths.
-    elastic : ndarray, shape (..., n_members) [N]
-        EA of the unstrained members, where it is not that of the structure.
-
-    Returns
-    -------
-    MemberChecks
-        Stresses, strains, buckling loads, and the part of each limit that is used.
-
-    Notes
-    -----
-    sigma = t / A; P = pi^2 E I / l^2 with E I = mu rho (R^2 + r^2) / 4 (docs/model.md, Sections).
-    """
+    """Return members at tensions and lengths (..., n_members) [N, m] against the limits of a structure."""
+    # sigma = t / A; P = pi^2 E I / l^2 with E I = mu rho (R^2 + r^2) / 4 (docs/model.md, Sections).
     limits = structure.limits.for_members(tension.shape[-1])
     area = structure.section_area
     elastic = structure.mu * structure.rest_length if elastic is None else elastic
@@ -208,22 +190,7 @@ def check_members(
 
 
 def check_motion(structure: Structure | BodySystem, tension: FloatArray, position: FloatArray) -> MemberFlaws:
-    """Return the limits that members exceed in any of many states.
-
-    Parameters
-    ----------
-    structure : Structure or BodySystem
-        With sections, stiffnesses and limits of its members.
-    tension : ndarray, shape (..., n_members) [N]
-        Member tensions; nan in states that are not known.
-    position : ndarray, shape (..., n_nodes, 3) [m]
-        Positions of nodes.
-
-    Returns
-    -------
-    MemberFlaws
-        Each limit of each member once, in its worst state.
-    """
+    """Return the limits that members exceed in any of many states, each in its worst state."""
     tension = tension.reshape(-1, structure.n_members)
     position = position.reshape(len(tension), -1, 3)
     worst: dict[str, dict[tuple[str, str], Exceeded]] = {"exceeded": {}, "doubtful": {}}
@@ -241,21 +208,7 @@ def check_motion(structure: Structure | BodySystem, tension: FloatArray, positio
 
 
 def summarise_tensions(structure: Structure | BodySystem, tension: FloatArray) -> dict[str, Any]:
-    """Return the ranges of the tensions of cables and of bars, and which cables are slack in some state.
-
-    Parameters
-    ----------
-    structure : Structure or BodySystem
-        The structure.
-    tension : ndarray, shape (..., n_members) [N]
-        Member tensions; nan where not known.
-
-    Returns
-    -------
-    dict
-        ``"cable_tension"`` and ``"bar_tension"``: the least and the largest [N], None if there are none;
-        ``"slack_cables"``: names.
-    """
+    """Return the ranges of the tensions of cables and of bars, and which cables are slack in some state."""
     tension = tension.reshape(-1, len(structure.member_name))
     summary: dict[str, Any] = {}
     for kind, rows in (("cable", ~structure.is_bar), ("bar", structure.is_bar)):
@@ -267,18 +220,7 @@ def summarise_tensions(structure: Structure | BodySystem, tension: FloatArray) -
 
 
 def describe_tensions(data: Mapping[str, Any]) -> str:
-    """Return a summary of tensions as text.
-
-    Parameters
-    ----------
-    data : mapping
-        With the keys that `summarise_tensions` returns.
-
-    Returns
-    -------
-    str
-        Such as "cables 0 to 20 N (3 slack), bars -29.6 N".
-    """
+    """Return such a summary as text: "cables 0 to 20 N (3 slack), bars -29.6 N"."""
     slack = len(data["slack_cables"])
     sentences = [
         f"{kind}s {describe_range(data[f'{kind}_tension'], 'N')}"

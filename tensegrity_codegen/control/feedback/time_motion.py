@@ -178,27 +178,9 @@ def _choose_duration(requested: float | None, shortest: float) -> float:
 
 
 def remove_momentum(plan_model: PlanModel, knots: PathKnots, path: SmoothPath) -> SmoothPath:
-    """Return the path with the rigid motions in which a free structure keeps zero momentum.
-
-    Parameters
-    ----------
-    plan_model : PlanModel
-        The model; scenes of bodies, structures that are held, loaded or have no masses stay as they are.
-    knots : PathKnots
-        Equilibria of the path.
-    path : SmoothPath
-        The path.
-
-    Returns
-    -------
-    SmoothPath
-        With the same shapes, and the same position at the start.
-
-    Notes
-    -----
-    With positions x_i (from the centre of mass) and masses m_ij of the path over progress, the angular
-    velocity W in the path's axes follows from sum m_ij x_i x (x_j' + W x x_j) = 0; R' = R [W].
-    """
+    """Return the path with the rigid motions in which a free structure keeps zero momentum."""
+    # With positions x_i (from the centre of mass) and masses m_ij of the path over progress, the angular
+    # velocity W in the axes of the path follows from sum m_ij x_i x (x_j' + W x x_j) = 0; R' = R [W].
     structure, model = plan_model.structure, plan_model.model
     if not isinstance(structure, Structure) or not model.has("mass_matrix"):
         return path

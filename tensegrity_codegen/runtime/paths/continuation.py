@@ -85,46 +85,8 @@ def follow_path(
     stop_at: Sequence[str] = (),
     progress: Callable[[int, float], None] | None = None,
 ) -> LoadPath:
-    """Follow the equilibria g(q, lambda) = 0 by pseudo-arc-length continuation.
-
-    Parameters
-    ----------
-    problem : PathProblem
-        Residual, stiffness and load vector, see build_path.
-    start : array_like, shape (n,)
-        Coordinates near an equilibrium at the load factor `least`.
-    most : float
-        Load factor to reach.
-    least : float
-        Load factor at the start.
-    watches : sequence of Watch
-        Functions whose zeros are events, see watch_slack and watch_contact.
-    neutral : NeutralMotions, optional
-        Motions without stiffness, which are excluded.
-    control : StepControl, optional
-        Step lengths.
-    floor : float, optional
-        Load factor at which a path that has turned back ends, -inf for none; by default `least`.
-    stop_at : sequence of str
-        Kinds of events that end the path.
-    progress : callable, optional
-        Called with the number of points and the load factor.
-
-    Returns
-    -------
-    LoadPath
-        Points, events, and how the path ended (status).
-
-    Raises
-    ------
-    InvalidValueError, NonFiniteError
-        A wrong argument.
-
-    Notes
-    -----
-    The next point is where g = 0 and t . (z' - z) = h, with the unit tangent t and the step h, so that the
-    path continues through limit points (Riks 1979, Keller 1977).
-    """
+    """Follow the equilibria g(q, lambda) = 0 by pseudo-arc-length continuation from `least` to `most`."""
+    # A path that has turned back ends at the load factor `floor`: -inf for none, by default `least`.
     control = StepControl() if control is None else control
     check_instance(control, StepControl, "control", "a StepControl")
     for name in ("residual", "stiffness", "load_vector"):
