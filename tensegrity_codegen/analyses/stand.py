@@ -64,7 +64,13 @@ class JudgeStand(SceneAnalysis):
         from tensegrity_codegen.system.progress import work_pass
 
         structure = require_ground(case.subject, case.subject.name)
-        cables = self._list_cables(structure)
+        # The cables that are shortened.
+        cable_names = [
+            name for name, bar in zip(structure.member_name, structure.is_bar, strict=True) if not bar
+        ]
+        for name in self.tip:
+            check_choice(name, (*cable_names, TIP_ALL), "cable", "--tip")
+        cables = tuple(cable_names) if TIP_ALL in self.tip else self.tip
         # A library whose loads, and rest lengths of the cables that are shortened, change at run time.
         statics = with_statics(structure, case.request)
         parameters: dict[str, tuple[int, ...]] = {"node_load": tuple(range(structure.n_nodes))}
@@ -92,15 +98,6 @@ class JudgeStand(SceneAnalysis):
                     progress=lambda number, _: move(number / len(cables)),
                 )
         return StandResult(structure, equilibrium, verdict, tips)
-
-    def _list_cables(self, structure: "Structure") -> tuple[str, ...]:
-        """Return the cables that are shortened; raises UnknownNameError for a name that is none."""
-        cable_names = [
-            name for name, bar in zip(structure.member_name, structure.is_bar, strict=True) if not bar
-        ]
-        for name in self.tip:
-            check_choice(name, (*cable_names, TIP_ALL), "cable", "--tip")
-        return tuple(cable_names) if TIP_ALL in self.tip else self.tip
 
 
 @dataclass(frozen=True, eq=False)

@@ -177,7 +177,10 @@ class Output:
             raise
         except TensegrityError as error:
             if scene is not None and isinstance(error, FormulationError):
-                name_file(error, scene)
+                # The place of an error starts with the file of the scene, as in errors of reading.
+                key = error.where.rpartition(": ")[2]
+                if key.startswith(("nodes.", "members.", "model.", "parameters")):
+                    error.where = f"{scene}: {key}"
             raise self.fail(error) from error
         except OSError as error:
             raise self.fail(explain_system_error(error)) from error
@@ -290,13 +293,6 @@ def list_files(files: Mapping[str, str]) -> str:
 def print_json(data: Mapping[str, Any]) -> None:
     """Print one JSON object on stdout."""
     print_text(json.dumps(plain(data), indent=2, allow_nan=False) + "\n")
-
-
-def name_file(error: FormulationError, scene: Path) -> None:
-    """Let the place of an error start with the scene's file, as in errors of reading."""
-    key = error.where.rpartition(": ")[2]
-    if key.startswith(("nodes.", "members.", "model.", "parameters")):
-        error.where = f"{scene}: {key}"
 
 
 def explain_system_error(error: OSError) -> OutputError:

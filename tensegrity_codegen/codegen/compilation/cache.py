@@ -118,12 +118,6 @@ def read_contents(entry: CacheEntry) -> dict[str, bytes]:
     return contents
 
 
-def write_request(path: Path, library_key: str, note: Mapping[str, Any]) -> None:
-    """Write the file that leads from a request to a library, with a note; raises OSError."""
-    data = {"version": REQUEST_VERSION, "library": library_key, "note": dict(note)}
-    write_private(path, json.dumps(data).encode("utf-8"))
-
-
 def read_request(path: Path) -> tuple[str, dict[str, Any]] | None:
     """Return the library key and the note in such a file, None if it is absent or damaged."""
     try:
@@ -234,7 +228,8 @@ class Cache:
         path = self._request(key)
         self._library(library_key)  # checks the key
         with self._explain(path), self._temporary() as temporary:
-            write_request(temporary / path.name, library_key, note)
+            data = {"version": REQUEST_VERSION, "library": library_key, "note": dict(note)}
+            write_private(temporary / path.name, json.dumps(data).encode("utf-8"))
             make_private(path.parent, self.root)
             (temporary / path.name).replace(path)
 

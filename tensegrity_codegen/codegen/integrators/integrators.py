@@ -73,7 +73,7 @@ def integrator_spec(
     energy_quantities = KEPT_QUANTITIES[:2] if keep and row.keeps_energy else ()
     pulled = OF_NODES if PULL in driven else ()
     _check_called(model, row, functions)
-    moving = moved_quantities(model)
+    moving = ("acceleration", "state_derivative") if model.frame.n_internal else ("acceleration",)
     of_derivatives = list_derivative_quantities(model.arguments)
     method_quantities = (*PROJECTION, SETTLING, *row.quantities)
     names = (*moving, *method_quantities, *watched.quantities, *energy_quantities, *pulled, *of_derivatives)
@@ -107,11 +107,6 @@ def integrator_spec(
         adjoint_work=adjoint_work,
         tape_row=tape_row,
     )
-
-
-def moved_quantities(model: EmittedModel) -> tuple[str, ...]:
-    """Return the quantities that move a state: one that has internal states takes all its rates at once."""
-    return ("acceleration", "state_derivative") if model.frame.n_internal else ("acceleration",)
 
 
 def _check_called(model: EmittedModel, row: Integrator, functions: Iterable[FunctionSpec]) -> None:

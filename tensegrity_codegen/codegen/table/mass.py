@@ -71,11 +71,6 @@ class DivideByMass:
         return lines
 
 
-def coupled_coordinates(model: TableModel) -> IntArray:
-    """Return the coordinates that bars with own mass couple to others, rising."""
-    return np.flatnonzero(_is_coupled(model))
-
-
 def _is_coupled(model: TableModel) -> NDArray[np.bool_]:
     """Return (n_coordinates,): whether bars with own mass couple each coordinate to another."""
     row, second, _ = pairs_of_coordinates(model)
@@ -281,7 +276,7 @@ class SolveCoupled:
     target: str
 
     def __post_init__(self) -> None:
-        check_constant_masses(self.model, coupled_coordinates(self.model))
+        check_constant_masses(self.model, np.flatnonzero(_is_coupled(self.model)))
 
     @property
     def arguments(self) -> frozenset[str]:

@@ -186,7 +186,15 @@ class _Path:
             return f"a monitored function is not finite at the start: {error.problem}"
         self.tracker.begin(values)
         self._add(state, tangent)
-        self._note_stops(state, tangent, values)
+        # Events that would end the path and are beyond zero already are noted, and passed over.
+        tracker = self.tracker
+        crossed = np.zeros(len(values), dtype=bool)
+        for index, watch in enumerate(tracker.owner):
+            crossed[index] = watch.stops and values[index] < 0
+        if crossed.any():
+            tracker.pass_over(crossed)
+            step = Step(self.solver, state, tangent, state, 0.0)
+            self.events += tracker.describe(Crossing(0.0, state, crossed), step, 0)
         if state.neutral.shape[1]:
             tangent = self._turn_with_load(state, tangent)
         return (state, tangent) if self.memory is None else self.memory.renew(state, tangent, self.tracker)
@@ -202,17 +210,6 @@ class _Path:
         self.tracker.renew(self.tracker.values(end, secant))
         self._note_jump(state, secant, before)
         return secant
-
-    def _note_stops(self, state: PathState, tangent: FloatArray, values: FloatArray) -> None:
-        """Note events that would end the path and are beyond zero already."""
-        tracker = self.tracker
-        crossed = np.zeros(len(values), dtype=bool)
-        for index, watch in enumerate(tracker.owner):
-            crossed[index] = watch.stops and values[index] < 0
-        if crossed.any():
-            tracker.pass_over(crossed)
-            step = Step(self.solver, state, tangent, state, 0.0)
-            self.events += tracker.describe(Crossing(0.0, state, crossed), step, 0)
 
     # A step
 

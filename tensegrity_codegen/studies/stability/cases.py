@@ -82,13 +82,6 @@ def move_node(structure: Structure, node: int, place: FloatArray, *, refit: bool
     return settle_bars(moved)
 
 
-def push_node(structure: Structure, node: int, axis: int, speed: float) -> Structure:
-    """Return the structure with one node faster by `speed` [m/s] along an axis; rigid bars go along."""
-    velocity = structure.node_velocity.copy()
-    velocity[node, axis] += speed
-    return settle_bars(structure.with_changes(node_velocity=velocity))
-
-
 MIN_HEIGHT = 1e-2  # off its neighbours, over the mean member length
 
 
@@ -269,7 +262,9 @@ def _snap_through(structure: Structure, t_end: float) -> Iterator[Case]:
 def _impact(structure: Structure, t_end: float) -> Iterator[Case]:
     length, (node, axis) = float(structure.member_length().mean()), _first_free(structure)
     for speed in SPEEDS:
-        hit = push_node(structure, node, axis, speed * length)
+        velocity = structure.node_velocity.copy()
+        velocity[node, axis] += speed * length
+        hit = settle_bars(structure.with_changes(node_velocity=velocity))
         yield Case("impact", f"one node at {speed:.0e} lengths a second", hit, t_end)
 
 

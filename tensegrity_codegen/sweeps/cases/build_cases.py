@@ -145,7 +145,12 @@ def read_axis(key: str, given: Any, where: str) -> Axis:
         values = _read_list(given, given, where)
     else:
         values = np.array([read_number(given, where, "value")])
-    _check_different(values, given, where)
+    ordered = np.sort(values)
+    same = np.flatnonzero(ordered[1:] == ordered[:-1])
+    if same.size:
+        twice = f" (the value {float(ordered[same[0]])!r} appears twice)"
+        problem, hint = f"values of a grid must differ{twice}", "give fewer values, or a wider range"
+        raise InvalidValueError(problem, where=where, given=given, allowed="each value once", hint=hint)
     return Axis(key, values)
 
 
@@ -179,12 +184,3 @@ def _read_list(parts: Iterable[Any], given: Any, where: str) -> np.ndarray[Any, 
     if any(isinstance(value, str) and not value.strip() for value in values):
         raise InvalidValueError("a value is missing", where=where, given=given, allowed=RANGE_RULE)
     return np.array([read_number(value, where, "value") for value in values])
-
-
-def _check_different(values: np.ndarray[Any, np.dtype[np.float64]], given: Any, where: str) -> None:
-    ordered = np.sort(values)
-    same = np.flatnonzero(ordered[1:] == ordered[:-1])
-    if same.size:
-        twice = f" (the value {float(ordered[same[0]])!r} appears twice)"
-        problem, hint = f"values of a grid must differ{twice}", "give fewer values, or a wider range"
-        raise InvalidValueError(problem, where=where, given=given, allowed="each value once", hint=hint)

@@ -116,17 +116,13 @@ def build_table(rows: Any, keys: Sequence[str], where: str = "table") -> Table:
     if values.ndim != 2 or values.shape[1] != len(keys) or not len(values):
         problem = "not a table of numbers"
         raise InvalidValueError(problem, where=where, given=rows, allowed=f"rows of {len(keys)} numbers")
-    _check_finite(values, keys, where)
-    values.flags.writeable = False
-    return Table(tuple(keys), values, where)
-
-
-def _check_finite(values: NDArray[np.float64], keys: Sequence[str], where: str) -> None:
     bad = np.argwhere(~np.isfinite(values))
     if len(bad):
         row, column = bad[0]
         location, value = f"{where}: row {row}, column {keys[column]}", float(values[row, column])
         raise InvalidValueError("not a finite number", where=location, given=value, allowed="finite numbers")
+    values.flags.writeable = False
+    return Table(tuple(keys), values, where)
 
 
 def to_table(table: Any, where: str = "table") -> Table:

@@ -1,6 +1,6 @@
 """Measurements of a motion, or of states at rest: a table of values, in which parts may be missing."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -74,11 +74,6 @@ class Measurements:
         return int(np.isfinite(self.value).sum())
 
 
-def list_channels(structure: Structure) -> dict[str, Channel]:
-    """Return all that can be measured, by names as in files of motions: ``t1.x [m]``."""
-    return {f"{channel.name} [{channel.unit}]": channel for channel in _list(structure)}
-
-
 def _list(structure: Structure) -> Iterator[Channel]:
     for node, name in enumerate(structure.node_name):
         for axis, letter in enumerate("xyz"):
@@ -112,7 +107,7 @@ def read_measurements(
         return measured
     if not isinstance(measured, Mapping):
         check_path(measured, "measured")
-    valid = list_channels(structure)
+    valid = {f"{channel.name} [{channel.unit}]": channel for channel in _list(structure)}
     valid |= {channel.name: channel for channel in valid.values()}
     source = str(measured) if isinstance(measured, str | Path) else "measured"
     units = list_input_units(structure).items()
@@ -123,7 +118,10 @@ def read_measurements(
     columns = {inputs.get(name, name): values for name, values in read(measured, valid, inputs).items()}
     time = columns.pop(TIME, None)
     channels = tuple(valid[name] for name in columns if name in valid)
-    _check_twice(channels, source)
+    names = [channel.name for channel in channels]
+    twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
+    if twice is not None:
+        raise InvalidValueError("measured twice", where=source, given=twice, allowed="each number once")
     count = len(next(iter(columns.values()))) if columns else 0
     value = np.array([columns[name] for name in columns if name in valid]).reshape(len(channels), count).T
     conditions = {name: values for name, values in columns.items() if name not in valid}
@@ -178,13 +176,6 @@ def _read_arrays(
             allowed = f"({count},), NaN where a value is missing"
             raise InvalidValueError(problem, where=f"measured: {name}", given=array.shape, allowed=allowed)
     return columns
-
-
-def _check_twice(channels: Sequence[Channel], source: str) -> None:
-    names = [channel.name for channel in channels]
-    twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
-    if twice is not None:
-        raise InvalidValueError("measured twice", where=source, given=twice, allowed="each number once")
 
 
 def _check(measurements: Measurements) -> None:

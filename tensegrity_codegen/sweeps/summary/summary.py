@@ -227,19 +227,15 @@ def find_worst_cases(
         for label, case in (("largest", np.nanargmax(values)), ("least", np.nanargmin(values))):
             reasons.setdefault(int(case), []).append(f"{label} {result.name}: {values[case]:.6g}{unit}")
     return tuple(
-        _describe(results, case, "; ".join(texts), build_commands(results, case))
+        WorstCase(
+            case,
+            "; ".join(texts),
+            results.words[int(results.status[case])],
+            results.message(case),
+            dict(zip(results.keys, results.key_values[case].tolist(), strict=True)),
+            build_commands(results, case),
+        )
         for case, texts in reasons.items()
-    )
-
-
-def _describe(results: SweepResults, case: int, reason: str, commands: tuple[str, ...]) -> WorstCase:
-    return WorstCase(
-        case,
-        reason,
-        results.words[int(results.status[case])],
-        results.message(case),
-        dict(zip(results.keys, results.key_values[case].tolist(), strict=True)),
-        commands,
     )
 
 

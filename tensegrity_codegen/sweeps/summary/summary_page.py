@@ -77,7 +77,7 @@ def _outcome(summary: SweepSummary) -> Section:
         (
             text_cell(ending.status.replace("_", " ")), number_cell(ending.count, ",.0f"),
             number_cell(100 * ending.count / total, ".2f"), number_cell(ending.first, ".0f"),
-            text_cell(join_lines(ending.message)),
+            text_cell("; ".join(line.strip() for line in ending.message.splitlines() if line.strip())),
         )
         for ending in summary.endings
     )  # fmt: skip
@@ -246,11 +246,6 @@ def _worst(summary: SweepSummary) -> Iterator[Section]:
     ]
     finding = f"{describe_count(len(rows), 'case')}, each with the commands that run it alone"
     yield Section("worst", "cases", "Worst cases", "plain", finding, tuple(blocks))
-
-
-def join_lines(message: str) -> str:
-    """Return the lines of a message in one: "no rest length; given: 5; allowed: below 3"."""
-    return "; ".join(line.strip() for line in message.splitlines() if line.strip())
 
 
 def build_causes(summary: SweepSummary) -> Iterator[Section]:

@@ -69,7 +69,7 @@ class GroundContact(NodeForce):
     def static_stiffness(self) -> Mapping[int, ca.SX]:
         """Return node -> p k d^(p-1) n n^T where the ground presses [N/m]."""
         nodes = zip(self.ground.node.tolist(), self.contacts, strict=True)
-        return {node: c.normal_stiffness() * np.outer(c.normal, c.normal) for node, c in nodes}
+        return {node: c.normal_force.static_stiffness() * np.outer(c.normal, c.normal) for node, c in nodes}
 
     def internal_rates(self) -> Mapping[str, Scalar]:
         """Return the rates of the bristles [m/s]; whether one slips changes at events."""
@@ -224,10 +224,6 @@ class Contact:
             pull = self.ground.stick_stiffness * s
             result = [r - pull * float(t) for r, t in zip(result, tangent, strict=True)]
         return result
-
-    def normal_stiffness(self) -> Scalar:
-        """dN/dd at rest [N/m]."""
-        return self.normal_force.static_stiffness()
 
     def energy(self) -> Scalar:
         """Return the energy of compressed ground and deflected bristle [J]."""

@@ -147,10 +147,6 @@ class Plan:
         heavy |= {sphere.center for sphere in self.spheres if sphere.mass}
         return {point for body in self.bodies if heavy.isdisjoint(body) for point in body}
 
-    def find_stiffest(self) -> float:
-        """Return the largest spring constant of a cable [N/m], 0 if there is no cable."""
-        return max((cable.builder.values["stiffness"] for cable in self.cables), default=0.0)
-
 
 def find_position(node: NtrtNode) -> Position:
     """Return a node's position as a key: minus zero is zero."""
@@ -243,7 +239,7 @@ class _Bars:
     """Which bars keep each body's shape, and which of them are rigid."""
 
     def __init__(self, plan: Plan, conversion: Conversion) -> None:
-        stiffest = plan.find_stiffest()
+        stiffest = max((cable.builder.values["stiffness"] for cable in plan.cables), default=0.0)
         self.rigid = conversion.rigid or not stiffest
         self.spring_constant = conversion.ratio * (stiffest or _DEFAULT_STIFFNESS)
         self.braces: list[tuple[Position, Position]] = []
