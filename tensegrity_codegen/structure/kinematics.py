@@ -119,8 +119,7 @@ def _rotate(centre: Vector, rotation: list[Vector], local: Vector) -> Vector:
     return result
 
 
-def compute_node_position(system: BodySystem, coordinate: FloatArray | None = None) -> FloatArray:
-    """Return the positions of all nodes, (n_nodes, 3) [m], at `coordinate` or at the scene's own."""
-    values = [float(q) for q in (system.coordinate if coordinate is None else coordinate)]
-    kinematics = Kinematics(system, values)
+def compute_node_position(system: BodySystem) -> FloatArray:
+    """Return the positions of all nodes at the coordinates of the scene, (n_nodes, 3) [m]."""
+    kinematics = Kinematics(system, [float(q) for q in system.coordinate])
     return np.array([kinematics.point(node) for node in range(system.n_nodes)], dtype=float).reshape(-1, 3)

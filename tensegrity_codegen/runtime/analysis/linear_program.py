@@ -16,9 +16,7 @@ TOLERANCES = (1e-10, 1e-9, 1e-8, 1e-7)  # of HiGHS; the first is the least there
 INFEASIBLE = 2  # status of scipy.optimize.linprog
 
 
-def find_optimum(
-    cost: FloatArray, rows: Any, limit: FloatArray, *, rounds: int = ROUNDS
-) -> FloatArray | None:
+def find_optimum(cost: FloatArray, rows: Any, limit: FloatArray) -> FloatArray | None:
     """Find x with the least cost . x and rows x <= limit, to rounding; None if there is no such x.
 
     The solver's tolerances would blur the ends of ranges. So where its solution is not exact to rounding, the
@@ -29,7 +27,7 @@ def find_optimum(
     optimum = _solve(cost, rows, limit, None)
     if optimum is None:
         return None
-    for round_ in range(1, rounds + 1):
+    for round_ in range(1, ROUNDS + 1):
         if float((rows @ optimum - limit).max(initial=0.0)) <= ROUNDING:
             break  # a vertex, exact to rounding
         zoom = REFINEMENT_SCALE**round_

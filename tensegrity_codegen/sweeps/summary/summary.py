@@ -207,17 +207,14 @@ class WorstCase:
 
 
 def find_worst_cases(
-    results: SweepResults,
-    chosen: Sequence[ChosenResult],
-    build_commands: BuildCommands,
-    most: int = MOST_OF_A_KIND,
+    results: SweepResults, chosen: Sequence[ChosenResult], build_commands: BuildCommands
 ) -> tuple[WorstCase, ...]:
     """Return the first cases of each bad status, and those with extreme results, once with all reasons."""
     reasons: dict[int, list[str]] = {}
     for code, label in enumerate(results.words):
         if label in GOOD or label == NOT_COMPUTED:
             continue
-        for case in np.flatnonzero(results.status == code)[:most].tolist():
+        for case in np.flatnonzero(results.status == code)[:MOST_OF_A_KIND].tolist():
             reasons.setdefault(case, []).append(label.replace("_", " "))
     for result in chosen:
         values = result.values
