@@ -111,12 +111,7 @@ class SweptControl(CaseAnalysis):
         return description
 
     def prepared(self, scene: str | Path | Mapping[str, Any] | Scene) -> "SweptControl":
-        """Return the operation with the controller of the unchanged scene.
-
-        Raises InvalidValueError, InfeasibleError: an option out of range, or a plan that is not found;
-        FormulationError, StructureError: as of `design_lqr`, `design_kalman`, `design_distribution` and
-        `design_mpc`: a scene without actuators, for example.
-        """
+        """Return the operation with the controller of the unchanged scene; raises what the design raises."""
         held, options = self._held_motion, self._feedback
         held.check(self.sample_time, self.t_end, self.last)
         options.check()

@@ -168,13 +168,8 @@ def find_mentions(sources: Iterable[str]) -> dict[str, frozenset[str]]:
 
 
 def deepest_stack(frames: Mapping[str, int], sources: Iterable[str]) -> dict[str, int]:
-    """Return the bytes of stack that each function takes at most, with all that it calls.
-
-    frames: function -> bytes of its own frame; functions that the compiler has inlined are missing, or 0;
-    sources: texts of the C files in which they are defined. Functions of other libraries count nothing.
-    Returns function -> bytes along the longest chain of calls. In a circle of calls each function counts
-    once.
-    """
+    """Return the bytes of stack, by function, that each takes at most with all that it calls."""
+    # Functions that are inlined or of other libraries count nothing, those in a circle of calls once.
     frame_size: dict[str, int] = {}
     for name, size in frames.items():
         bare = name.partition(".")[0]  # "solve.constprop.0" is a copy of "solve"

@@ -13,12 +13,9 @@ COLORS = {"bars": 30, "cables": 5}  # of AutoCAD's index: orange, blue
 def write_dxf(
     source: ExportSource, path: Path, *, trajectory: Path | None = None, sample: float | None = None
 ) -> Exported:
-    """Write the shape of a scene, or one sample of a motion (by default the last), as lines in metres.
-
-    A member of groups is on the layer of its kind and its smallest group, "cables-verticals", but for groups
-    that are called bars or cables. Raises MissingExtraError without ezdxf, InvalidValueError for a sample
-    that is not there, and the errors of `read_shapes`.
-    """
+    """Write the shape of a scene, or one sample of a motion (by default the last), as lines in metres."""
+    # A member of groups is on the layer of its kind and its smallest group, "cables-verticals", but for
+    # groups that are called bars or cables.
     ezdxf = import_extra("ezdxf", CAD)
     if sample is not None and trajectory is None:
         raise InvalidValueError(

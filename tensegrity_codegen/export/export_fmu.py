@@ -59,12 +59,9 @@ def settle_method(
     compiler: str | None,
     may_compile: bool,
 ) -> str:
-    """Return the integrator of a unit: the one given, or for "auto" the one that `simulate` would choose.
-
-    If the choice is between an explicit method and another, the library is built to weigh them; without a
-    compiler the explicit one is taken. Raises UnknownNameError, and InvalidValueError for a method that
-    chooses no steps of its own.
-    """
+    """Return the integrator of a unit: the one given, or for "auto" the one that `simulate` would choose."""
+    # If the choice is between an explicit method and another, the library is built to weigh them; without a
+    # compiler the explicit one is taken.
     kind = find_method(method).kind
     if kind not in OFFERED:
         raise InvalidValueError(

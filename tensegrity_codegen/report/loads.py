@@ -13,13 +13,8 @@ from tensegrity_codegen.system.arrays import FloatArray
 
 
 def compute_loads(subject: Structure | BodySystem, motion: Trajectory | None = None) -> FloatArray:
-    """Return the loads on nodes at every sample.
-
-    subject: the owner of the loads; motion: a motion of it, with the values of its inputs; by default one
-    sample with the loads of the scene.
-    Returns (n_t, n_nodes, 3): loads with constant directions, those of inputs among them. Torques and forces
-    that turn with a body are not part of it, see `describe_other_loads`.
-    """
+    """Return the loads (n_t, n_nodes, 3) on nodes at each sample, by default one with those of the scene."""
+    # Torques, and forces that turn with a body, are not part of them, see `describe_other_loads`.
     own = np.asarray(subject.node_load, dtype=float)
     if motion is None:
         return own[None].copy()
@@ -81,17 +76,8 @@ def compute_reactions(
     load: FloatArray | None = None,
     joints: NDArray[np.int64] | None = None,
 ) -> FloatArray:
-    """Return the forces [N] of supports on nodes, along the anchored axes.
-
-    structure: anchors, loads, masses.
-    position (n_t, n_nodes, 3) [m]: positions.
-    tension (n_t, n_members) [N]: tensions; NaN if unknown.
-    held (n_held,): anchored nodes.
-    load (n_t, n_nodes, 3) [N]: loads on nodes, by default those of the structure.
-    joints: nodes on which forces act that no member shows, such as those of bars of body scenes.
-    Returns (n_t, n_held, 3): reactions, NaN at joints and at nodes with a member of unknown tension; without
-    the inertia of bars.
-    """
+    """Return the forces [N] of supports on nodes along the anchored axes, (n_t, n_held, 3)."""
+    # NaN at joints and at nodes with a member of unknown tension; without the inertia of bars.
     mass = np.array(structure.node_mass, dtype=float)
     np.add.at(mass, structure.connectivity.ravel(), np.repeat(structure.member_mass / 2, 2))
     weight = mass[:, None] * structure.gravity

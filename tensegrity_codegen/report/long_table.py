@@ -102,22 +102,8 @@ class LongTable:
 
 
 def find_most_rows(counts: Sequence[int], lines: int = 55) -> int:
-    """Return how many rows a table of a result may have.
+    """Return how many rows tables of these many rows may have to fit into `lines`, ten at most if not all.
 
-    Parameters
-    ----------
-    counts : sequence of int
-        Numbers of rows of the result's tables.
-    lines : int
-        Lines that these tables may take.
-
-    Returns
-    -------
-    int
-        The largest number of rows if all are few enough; otherwise as many as fit, ten at most.
-
-    Examples
-    --------
     >>> find_most_rows([6, 12]), find_most_rows([4000, 9384]), find_most_rows([30, 30, 30])
     (12, 10, 6)
     """

@@ -130,13 +130,7 @@ class KeptText:
 def parse_kept(
     texts: Sequence[str], results: Sequence[str] = (), *, over_time: bool = False
 ) -> tuple[KeptText, ...]:
-    """Return the parsed texts, each under a name of its own.
-
-    texts: as in the description of this file; results: names that stand for results of the operation itself;
-    over_time: whether there are samples over time, and so reductions.
-    Raises InvalidValueError, UnknownNameError, NonFiniteError: a text that cannot be understood, or an
-    unknown name in it; DuplicateNameError: two texts under one name.
-    """
+    """Return the parsed texts, each under a name of its own; raises SceneError for an invalid text."""
     kept_texts: list[KeptText] = []
     for entry in texts:
         try:

@@ -49,13 +49,8 @@ def write_prestressed(
     *,
     overwrite: bool,
 ) -> Prestressed | None:
-    """Write the scene whose member tensions are the self-stress found; None if there is none.
-
-    coordinate (n_coordinates,): the equilibrium that was analysed; by default the positions are those of the
-    scene; text: the value of --prestress.
-    Raises UnknownNameError, NonFiniteError, InvalidValueError: the text is no size of this prestress, or a
-    member has no rest length for its tension; ConvergenceError: the scene as read back is not in balance.
-    """
+    """Write the scene whose member tensions are the self-stress found; None if there is none."""
+    # At the equilibrium `coordinate` (n_coordinates,), by default the positions of the scene.
     from tensegrity_codegen.pipeline.compile_scene import load_scene
     from tensegrity_codegen.scene.describe import describe_subject
     from tensegrity_codegen.scene.write import write_scene

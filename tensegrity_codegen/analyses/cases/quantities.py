@@ -90,11 +90,7 @@ class Outcomes:
 
 
 def read_case_arguments(model: CompiledModel, arguments: Mapping[str, Any], count: int) -> CaseArguments:
-    """Return the arguments of `count` cases; inputs by their names become one array `input`.
-
-    Raises UnknownNameError for an argument that the library does not have, InvalidValueError for a wrong
-    shape or inputs that are given twice.
-    """
+    """Return the arguments of `count` cases; inputs by their names become one array `input`."""
     if count < 1:
         raise InvalidValueError("no cases", where="count", given=count, allowed="1 or more")
     rows: dict[str, NDArray[Any]] = {}
@@ -261,10 +257,7 @@ BEYOND = "members buckle, are strained by more than 1 %, or exceed a limit"
 def compute_limit_use(
     model: CompiledModel, case_arguments: CaseArguments, rows: slice, tension: FloatArray, length: FloatArray
 ) -> FloatArray:
-    """Return the largest use of a limit in each case, (count,); NaN with a library that was loaded alone.
-
-    rows: the cases, of those in `case_arguments`; tension, length: (count, ..., n_members) [N, m].
-    """
+    """Return the largest use of a limit in each case, (count,); NaN with a library that was loaded alone."""
     structure, count = model.structure, len(tension)
     if structure is None or not structure.n_members:
         return np.full(count, np.nan)

@@ -24,13 +24,7 @@ ANALYSES = _import_analyses()
 
 
 def build_analysis(do: str, keep: str | Sequence[str] = (), **options: Any) -> CaseAnalysis:
-    """Return an operation.
-
-    do: one of ANALYSES; keep: results to store for each case; empty for the default results of the operation;
-    **options: options that this operation has; None for those at their defaults.
-    Raises UnknownNameError, UnknownKeyError: an unknown operation, or an option that it does not have;
-    InvalidValueError: something else than texts is to be kept, or an option that needs a number is none.
-    """
+    """Return an operation with the results to keep; an empty `keep`, or an option None, is the default."""
     check_choice(do, ANALYSES, "operation", "do")
     kind = ANALYSES[do]
     texts = _list_texts(keep)

@@ -184,11 +184,7 @@ def collect_parts(
     limits: ActuatorLimits | None,
     code: ControllerCode,
 ) -> ControllerParts:
-    """Return the parts of a controller after the checks that all controllers need.
-
-    Parameters are those of `build_controller`. Raises what `check_independent`, `check_motion`,
-    `check_parts`, `find_bounds`, `find_sample`, `check_same_motion` and `check_start` raise.
-    """
+    """Return the parts of a controller, of the parameters of `build_controller`, after their checks."""
     manifest = described.manifest
     check_independent(described)
     check_motion(described, motion)

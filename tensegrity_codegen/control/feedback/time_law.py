@@ -47,19 +47,12 @@ class TimeLaw:
 
 
 def read_law(law: str | ArrayLike) -> TimeLaw:
-    """Return a time law.
-
-    law (n, 2): ``"quintic"``: s = 10 x^3 - 15 x^4 + 6 x^5; or a table of times [s] that rise from 0 and
-        values of s from 0 to 1 that do not fall.
-    Returns: of class C2, without motion back, with s' = s'' = 0 at both ends.
-    Raises UnknownNameError, InvalidValueError, NonFiniteError: another word; a table of another form, with
-        times that do not rise or values that fall.
-
-    A table is interpolated by the spline of degree 5 with s' = s'' = 0 at both ends. If this goes back
-    anywhere, by polynomials of degree 5 with s'' = 0 at all points of the table, and as s' the smaller of the
-    mean slopes on both sides. With end slopes a, b <= 1 (over the mean slope of the interval) such a
-    polynomial has the slope a (1 - h) + b h + 30 (1 - (a + b) / 2) x^2 (1 - x)^2 >= 0, h = 3 x^2 - 2 x^3.
-    """
+    """Return a time law of class C2, "quintic" or by a table (n, 2), with s' = s'' = 0 at both ends."""
+    # "quintic": s = 10 x^3 - 15 x^4 + 6 x^5. A table of times [s] that rise from 0, and of values of s from 0
+    # to 1 that do not fall, is interpolated by the spline of degree 5. If this goes back anywhere, by
+    # polynomials of degree 5 with s'' = 0 at all points, and as s' the smaller of the mean slopes on both
+    # sides. With end slopes a, b <= 1 (over the mean slope of the interval) such a polynomial has the slope
+    # a (1 - h) + b h + 30 (1 - (a + b) / 2) x^2 (1 - x)^2 >= 0, h = 3 x^2 - 2 x^3.
     if isinstance(law, str):
         check_choice(law, (QUINTIC,), "time law", "law")
         return TimeLaw(_build_spline(np.array([0.0, 1.0]), np.array([0.0, 1.0])))

@@ -141,12 +141,7 @@ def write_animation(
     subject: Structure | BodySystem | None = None,
     overwrite: bool = False,
 ) -> Path:
-    """Write a motion as a film (.gif or .mp4) and return its path.
-
-    fps: frames a second; slow_down: seconds of film for a simulated second; progress: called with the
-    fraction done; choices: view, size, names and so on; subject: the source of the outline. Each
-    frame shows the nearest sample, the last one the last sample.
-    """
+    """Write a motion as a film (.gif or .mp4) and return its path; each frame shows the nearest sample."""
     target = Path(path)
     suffix = check_suffix(target, FILM_SUFFIXES)
     fastest = FASTEST[suffix]

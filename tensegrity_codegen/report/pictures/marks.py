@@ -56,16 +56,9 @@ def lay_out_arrows(
     joints: NDArray[np.int64] | None = None,
     contact: FloatArray | None = None,
 ) -> list[Arrows]:
-    """Return the arrows of loads, reactions and forces of the ground; kinds without a force have no arrows.
-
-    position (n_t, n_nodes, 3) [m]: positions.
-    tension (n_t, n_members) [N]: tensions, NaN if unknown; without them there are no reactions.
-    load (n_t, n_nodes, 3) [N]: loads.
-    joints: nodes whose reactions are unknown, see compute_reactions.
-    contact (n_t, n_contacts, 3) [N]: forces of the ground.
-    Returns all of one scale: 1, 2 or 5 times a power of ten. An arrow ends at its node where it points
-    towards the members there, and else starts there.
-    """
+    """Return the arrows of loads, reactions and forces of the ground, of one scale; none without a force."""
+    # The scale is 1, 2 or 5 times a power of ten. An arrow ends at its node where it points towards the
+    # members there, and else starts there.
     axes = list(structure.axes)
     held = np.flatnonzero(structure.node_anchored[:, axes].any(axis=1) & (tension is not None))
     reaction = np.zeros((len(position), 0, 3))

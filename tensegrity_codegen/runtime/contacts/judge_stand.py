@@ -246,13 +246,7 @@ def judge_stand(
     force: FloatArray | None = None,
     friction: float | None = None,
 ) -> Stand:
-    """Return whether a structure stands.
-
-    structure: with a ground.
-    position, external (n_nodes, 3) [m, N]: shape, and weights and loads.
-    force (n_contacts, 3) [N]: forces of the ground in an equilibrium; they say which contacts are feet.
-    friction: coefficient of friction; by default that of the ground.
-    """
+    """Return whether a structure stands; force (n_contacts, 3) [N] at equilibrium says which feet it has."""
     ground = structure.ground
     assert ground is not None
     if structure.node_anchored[:, list(structure.axes)].any():

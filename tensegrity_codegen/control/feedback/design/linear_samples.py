@@ -258,10 +258,7 @@ def split_delays(delay: FloatArray, sample: float) -> tuple[IntArray, FloatArray
 def compute_hold(
     state_matrix: FloatArray, input_matrix: FloatArray, sample: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the transition over one sample for a constant input.
-
-    state_matrix, input_matrix (n, n) and (n, m): x' = state_matrix x + input_matrix u.
-    """
+    """Return the transition over one sample of x' = state_matrix x + input_matrix u, for a constant input."""
     n, m = input_matrix.shape
     block = np.zeros((n + m, n + m))
     block[:n, :n], block[:n, n:] = state_matrix, input_matrix

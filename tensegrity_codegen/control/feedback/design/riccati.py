@@ -34,15 +34,9 @@ def compute_gain(p: FloatArray, a: FloatArray, b: FloatArray, r: FloatArray) -> 
 def step_back(
     p: FloatArray, a: FloatArray, b: FloatArray, q: FloatArray, r: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return P one sample earlier, and the gain there.
-
-    p (n, n): cost to go after the sample.
-    a, b (n, n) and (n, m): x[k+1] = a x[k] + b u[k].
-    q, r (n, n) and (m, m): weights.
-    Returns p (n, n): Q + K^T R K + (A - B K)^T P (A - B K), symmetric and positive semidefinite in rounded
-        arithmetic too.
-    Returns gain (m, n): K, for u = -K x.
-    """
+    """Return the cost to go p (n, n) one sample earlier, and the gain K (m, n) there, of u = -K x."""
+    # x[k+1] = a x[k] + b u[k] with weights q, r: P = Q + K^T R K + (A - B K)^T P (A - B K), symmetric and
+    # positive semidefinite in rounded arithmetic too.
     gain = compute_gain(p, a, b, r)
     closed = a - b @ gain
     earlier = q + gain.T @ r @ gain + closed.T @ p @ closed
@@ -144,18 +138,12 @@ class HiddenMode:
 
 
 def find_uncontrolled(a: FloatArray, b: FloatArray) -> list[HiddenMode]:
-    """Return the modes that do not decay and that no input changes.
-
-    a, b (n, n) and (n, m): x[k+1] = a x[k] + b u[k].
-    """
+    """Return the modes of x[k+1] = a x[k] + b u[k] that do not decay and that no input changes."""
     return _test(a.T, b.T)
 
 
 def find_unobserved(a: FloatArray, c: FloatArray) -> list[HiddenMode]:
-    """Return the modes that do not decay and that no output shows.
-
-    a, c (n, n) and (k, n): x[k+1] = a x[k], y = c x.
-    """
+    """Return the modes of x[k+1] = a x[k], y = c x, that do not decay and that no output shows."""
     return _test(a, c)
 
 
