@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.analyses.cases.keep_text import parse_kept
-from tensegrity_codegen.analyses.motions.reductions import find_first_time, reduce_values
+from tensegrity_codegen.analyses.motions.case_motions import find_first_time, reduce_values
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, TensegrityError
 
 TIME = np.array([0.0, 1.0, 3.0])
