@@ -1,6 +1,6 @@
 """Files of linear models: the ending of the name says which kind."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,35 +15,12 @@ MATRICES = ("A", "B", "variation")
 VECTORS = ("c", "residual_rate", "state", "input")
 NAMES = ("state_name", "input_name")
 FREQUENCIES = ("natural_frequency", "damping_ratio")
+LINEAR_ENDINGS = (".npz", ".mat", ".csv")  # the usual one first
 CSV_HEADER = ("matrix", "row", "column", "value")
 
 
-def _write_npz(linear: Any, path: Path, overwrite: bool) -> None:
-    """Write sparse matrices as row, column, value; names and vectors."""
-    arrays: dict[str, Any] = {}
-    for name, matrix in _matrices(linear):
-        entries = matrix.tocoo()
-        arrays |= {f"{name}_row": entries.row, f"{name}_column": entries.col, f"{name}_value": entries.data}
-        arrays[f"{name}_shape"] = np.array(entries.shape)
-    arrays |= {name: getattr(linear, name) for name in (*VECTORS, *FREQUENCIES)}
-    arrays |= {name: np.array(getattr(linear, name), dtype=str) for name in NAMES}
-    write_arrays(path, arrays, overwrite=overwrite)
-
-
-def _write_mat(linear: Any, path: Path, overwrite: bool) -> None:
-    """Write sparse matrices as such, vectors as columns, names as cells."""
-    variables: dict[str, Any] = {name: scipy.sparse.csc_matrix(matrix) for name, matrix in _matrices(linear)}
-    variables |= {name: getattr(linear, name) for name in (*VECTORS, *FREQUENCIES)}
-    variables |= {name: list(getattr(linear, name)) for name in NAMES}
-    write_mat(path, variables, overwrite=overwrite)
-
-
-def _write_csv(linear: Any, path: Path, overwrite: bool) -> None:
-    """Write every non-zero entry of the matrices and every entry of the vectors, with names, a line each."""
-    write_csv(path, CSV_HEADER, _list_entries(linear), overwrite=overwrite)
-
-
 def _list_entries(linear: Any) -> Iterator[tuple[str, str, str, float]]:
+    """Yield each non-zero entry of the matrices and every entry of the vectors, with its names."""
     states, inputs = linear.state_name, linear.input_name
     variations = [f"p{k}" for k in range(0 if linear.variation is None else linear.variation.shape[1])]
     columns = {"A": states, "B": inputs, "variation": variations}
@@ -61,16 +38,27 @@ def _matrices(linear: Any) -> list[tuple[str, Any]]:
     return [(name, getattr(linear, name)) for name in MATRICES if getattr(linear, name) is not None]
 
 
-# Kinds of files by their endings, the usual one first.
-WRITERS: Mapping[str, Callable[[Any, Path, bool], None]] = {
-    ".npz": _write_npz,
-    ".mat": _write_mat,
-    ".csv": _write_csv,
-}
-LINEAR_ENDINGS = tuple(WRITERS)
-
-
 def write_linear_model(linear: Any, path: str | Path, *, overwrite: bool) -> None:
     """Write a LinearModel in the format of the path's ending; without one as .npz."""
     check_ending(path, *LINEAR_ENDINGS)
-    WRITERS.get(Path(path).suffix.lower(), _write_npz)(linear, Path(path), overwrite)
+    path = Path(path)
+    if path.suffix.lower() == ".csv":
+        write_csv(path, CSV_HEADER, _list_entries(linear), overwrite=overwrite)
+        return
+    values = {name: getattr(linear, name) for name in (*VECTORS, *FREQUENCIES)}
+    if path.suffix.lower() == ".mat":
+        # Sparse matrices as such, vectors as columns, names as cells.
+        matrices: dict[str, Any] = {
+            name: scipy.sparse.csc_matrix(matrix) for name, matrix in _matrices(linear)
+        }
+        cells = {name: list(getattr(linear, name)) for name in NAMES}
+        write_mat(path, matrices | values | cells, overwrite=overwrite)
+        return
+    # Sparse matrices as row, column, value.
+    arrays: dict[str, Any] = {}
+    for name, matrix in _matrices(linear):
+        entries = matrix.tocoo()
+        arrays |= {f"{name}_row": entries.row, f"{name}_column": entries.col, f"{name}_value": entries.data}
+        arrays[f"{name}_shape"] = np.array(entries.shape)
+    names = {name: np.array(getattr(linear, name), dtype=str) for name in NAMES}
+    write_arrays(path, arrays | values | names, overwrite=overwrite)
