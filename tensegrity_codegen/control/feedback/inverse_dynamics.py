@@ -90,14 +90,9 @@ class InverseDynamics:
     def solve(
         self, q: FloatArray, v: FloatArray, a: FloatArray, change: FloatArray, preferred: FloatArray
     ) -> Drive:
-        """Return the inputs for an acceleration.
-
-        q, v, a (n_coordinates,): coordinates, velocities and accelerations.
-        change (n_actuators,) [m]: inputs to begin with, at which all cables that shall pull are in tension.
-        preferred (n_members,) [N]: tensions that those of actuated cables are near to, in least squares,
-            if several produce the acceleration.
-        Returns: inputs and tensions; what no inputs produce is left in the residual, in least squares.
-        """
+        """Return the inputs for an acceleration; what they cannot produce is the residual."""
+        # `change` [m]: inputs at which all cables that shall pull are in tension. If several tensions produce
+        # the acceleration, those of actuated cables are near to `preferred` [N], in least squares.
         state = self._build_state(q, v, a, change)
         change, bars = change.copy(), preferred[self.bar].copy()
         bounded = np.zeros(len(change), dtype=bool)

@@ -72,13 +72,9 @@ class LinearLoop:
         freeze_fields(self)
 
     def step(self, more_delay: float = 0.0, factor: float = 1.0) -> tuple[FloatArray, FloatArray]:
-        """Return the transition of one sample, and the effect of the noise of its measurements.
-
-        more_delay [s]: of all actuators, which neither gains nor estimator know.
-        factor: of the effect of all actuators, likewise.
-        Returns F, G (n, n) and (n, n_y): s[k+1] = F s[k] + G v[k], s: state x, commands on their way,
-            predicted estimate, sums of errors.
-        """
+        """Return F, G of s[k+1] = F s[k] + G v[k]: the transition of a sample, the effect of its noise."""
+        # s: state, commands on their way, predicted estimate, sums of errors. Neither gains nor estimator
+        # know `more_delay` [s] and `factor` of all actuators.
         derivatives, size, _, _ = self._build(more_delay, factor)
         return derivatives[:, :size], derivatives[:, size:]
 
