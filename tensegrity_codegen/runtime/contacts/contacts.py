@@ -38,7 +38,14 @@ class Contacts:
 
     def __init__(self, model: Model, arguments: Mapping[str, Any]) -> None:
         self.model = model
-        structure, ground = _find_structure(model), apply_ground(model, arguments)
+        structure: Structure | None = getattr(model, "structure", None)
+        if structure is None:
+            raise refuse_ground(
+                model.manifest.name,
+                "statics of a library that was loaded alone, which does not know its ground",
+                'compile_scene("scene.toml", for_="equilibrium")',
+            )
+        ground = apply_ground(model, arguments)
         assert ground is not None
         self.structure, axes = structure.with_changes(ground=ground), structure.axes
         self.ground = ground
@@ -237,14 +244,3 @@ def compute_external_force(structure: Structure, model: Model, arguments: Mappin
     outside = [axis for axis in range(3) if axis not in axes]
     force[:, outside] = 0.0
     return np.asarray(force)
-
-
-def _find_structure(model: Model) -> Structure:
-    structure: Structure | None = getattr(model, "structure", None)
-    if structure is None:
-        raise refuse_ground(
-            model.manifest.name,
-            "statics of a library that was loaded alone, which does not know its ground",
-            'compile_scene("scene.toml", for_="equilibrium")',
-        )
-    return structure

@@ -120,7 +120,11 @@ class KnotsInC:
     """The struct that an integration in C follows, and its arrays; KeyError for arguments not in C."""
 
     def __init__(self, ffi: Any, manifest: Manifest, driven: DrivenArguments) -> None:
-        start_of = _find_places(manifest)
+        # Where each argument begins among the numbers that can change with time
+        start_of, position = {}, 0
+        for name in manifest.driven:
+            start_of[name] = position
+            position += len(manifest.argument(name).nominal) if name != "pull" else 0  # which stands last
         pieces = driven.pieces
         time = pieces.time.copy()
         time[-1] += EXTRA_TIME * abs(time[-1])
@@ -145,15 +149,6 @@ def follows_in_c(schedule: Any, manifest: Manifest) -> TypeGuard[DrivenArguments
     if not isinstance(schedule, DrivenArguments):
         return False
     return all(name in manifest.driven for name, _ in schedule.place)
-
-
-def _find_places(manifest: Manifest) -> dict[str, int]:
-    """Return where each argument begins among the numbers that can change with time."""
-    start_of, position = {}, 0
-    for name in manifest.driven:
-        start_of[name] = position
-        position += len(manifest.argument(name).nominal) if name != "pull" else 0  # which stands last
-    return start_of
 
 
 def find_changing(model: CompiledModel, schedule: DrivenArguments) -> tuple[str, ...]:
