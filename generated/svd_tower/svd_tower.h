@@ -203,6 +203,8 @@ typedef struct {
   int is_started; /* internal, from here on: kept between calls */
   int may_grow;   /* whether the next step may be longer: no, right after a rejection */
   double reached; /* where the last call ended [s] */
+  double last_error; /* of the last step, over what is allowed; 0: of none */
+  int follows_two_errors; /* set by the caller: 1: explicit steps follow two errors, so that fewer fail */
 } svd_tower_run;
 
 /* Classical Runge-Kutta 4 with a fixed step, from step `first_step` on, and dense output by quintic Hermite

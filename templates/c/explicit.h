@@ -726,7 +726,10 @@ static inline int method_trial(double time_end, const method_motion *m, int *is_
 #if METHOD_HAS_ERROR
   /* Do not let a step that was cut set the pace, nor grow right after a rejection. */
   if (!is_last && !is_cut && !is_short) {
-    *m->step = step_after_success(h, error, METHOD_ERROR_ORDER, m->run->may_grow);
+    scene_run *run = m->run;
+    *m->step = run->follows_two_errors
+        ? step_by_two_errors(h, error, &run->last_error, METHOD_ERROR_ORDER, run->may_grow)
+        : step_after_success(h, error, METHOD_ERROR_ORDER, run->may_grow);
   }
   m->run->may_grow = 1;
 #endif

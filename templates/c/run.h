@@ -100,6 +100,8 @@ typedef struct {
   double last_event;       /* time of the last event [s] */
 #endif
   double reached; /* where the last call ended [s] */
+  double last_error; /* of the last step, over what is allowed; 0: of none */
+  int follows_two_errors; /* set by the caller: 1: explicit steps follow two errors, so that fewer fail */
 } scene_run;
 
 #endif

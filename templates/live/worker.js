@@ -13,7 +13,7 @@ const WINDOW = 1000; // ms over which the speed is measured
 const COUNTS = 6;
 // The structs of a run without events and of a profile as C for wasm32 lays them out: numbers of eight bytes, and the
 // integer of a run that is the address of its profile.
-const RUN = 6;
+const RUN = 8;
 const PROFILE = 4;
 const PROFILE_OF_RUN = 6;
 
