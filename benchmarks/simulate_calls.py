@@ -25,9 +25,9 @@ import argparse
 import json
 import re
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -149,7 +149,7 @@ def prepare(case: Case, rtol: float, truth: Truth) -> tuple[Row, Callable[[], Tr
         measure_call(call),
         truth.reference.error(motion.node_position),
         float("nan") if motion.error_estimate is None else motion.error_estimate,
-        truth.error(motion, find_tolerance(model, case, rtol)),
+        truth.error(motion, find_tolerance(model, case, rtol, motion.evidence)),
         float(np.ptp(truth.reference.node_position[0], axis=0).max()),
         truth.reference.uncertainty,
         motion.n_steps,
@@ -160,11 +160,12 @@ def prepare(case: Case, rtol: float, truth: Truth) -> tuple[Row, Callable[[], Tr
     return row, call
 
 
-def find_tolerance(model: CompiledModel, case: Case, rtol: float) -> Tolerance:
-    """Return the tolerance that the call of a case keeps to by default."""
+def find_tolerance(model: CompiledModel, case: Case, rtol: float, told: Mapping[str, float]) -> Tolerance:
+    """Return the tolerance that the call of a case keeps to by default; told: its evidence."""
     options = read_stepping(None).with_method("auto", rtol)
     motion = read_motion(model, options, case.t_end, SAMPLES, None, None, None, None)
-    return tolerance_of_options(model.manifest, set_atol_by_motion(motion, options))
+    usual = tolerance_of_options(model.manifest, set_atol_by_motion(motion, options))
+    return replace(usual, atol=told["atol"], atol_speed=told["atol_speed"])
 
 
 def time_in_turns(calls: Sequence[tuple[Any, Callable[[], object]]], rounds: int) -> None:

@@ -16,6 +16,22 @@ from tensegrity_codegen.tables.request import AUTO_EVENTS, ModelRequest
 ROOT = Path(__file__).resolve().parent.parent
 EXAMPLES = ROOT / "tensegrity_codegen" / "scene" / "examples"
 
+# A stiff bar that hangs from an anchor, its end held by a soft cable.
+STIFF_PENDULUM: dict[str, Any] = {
+    "name": "pendulum",
+    "axes": "xz",
+    "gravity": [0, -9.81],
+    "nodes": {
+        "a": {"position": [0.0, 0.0], "anchored": True},
+        "b": {"position": [0.6, -0.8], "mass": 2.0},
+        "c": {"position": [1.6, -0.8], "anchored": True},
+    },
+    "members": {
+        "bar": {"kind": "bar", "nodes": ["a", "b"], "spring_constant": 2e6, "rest_length": 1.0},
+        "cable": {"kind": "cable", "nodes": ["b", "c"], "spring_constant": 100.0, "rest_length": 0.9},
+    },
+}
+
 
 def load(subject: Structure | BodySystem, *quantities: str, **request: Any) -> CompiledModel:
     """Return the library of these quantities; request: further fields, events are "auto" by default."""

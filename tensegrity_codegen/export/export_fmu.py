@@ -79,7 +79,7 @@ def settle_method(
     model = build_library(structure, alone, compiler=compiler, calls=MANY_CALLS).load()
     state = np.concatenate([model.nominal("coordinate").ravel(), model.nominal("velocity").ravel()])
     motion = Motion(model, state, np.linspace(0.0, t_end, SAMPLES), {})
-    options = set_atol_by_length(model.manifest, RunOptions(method="auto", rtol=rtol))
+    options = set_atol_by_length(model.manifest, RunOptions(method="auto", rtol=rtol, control="steps"))
     return choose_method(motion, options).name
 
 

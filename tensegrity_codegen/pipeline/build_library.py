@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,6 +27,7 @@ from tensegrity_codegen.codegen.compilation.flags import (
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler, find_cross_compiler
 from tensegrity_codegen.codegen.print.render import template_folder
 from tensegrity_codegen.pipeline.compile_source import compile_source, is_library_source, read_manifest
+from tensegrity_codegen.pipeline.rigid_twin import request_rigid_twin
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.bodies import BodySystem
@@ -69,6 +71,8 @@ class BuiltLibrary(Summarised):
         What the library was made from, for the models that are loaded.
     build_again : callable or None
         Removes the entry from the cache and builds it again; None for a library that was just built.
+    build_twin : callable or None
+        Makes `rigid_twin` of the models that are loaded; None in a library that was not built for motions.
     """
 
     entry: CacheEntry
@@ -80,6 +84,7 @@ class BuiltLibrary(Summarised):
     why_emitter: str = ""
     structure: Subject | None = field(default=None, repr=False, compare=False)
     build_again: "Callable[[], BuiltLibrary] | None" = field(default=None, repr=False, compare=False)
+    build_twin: Callable[[], CompiledModel | None] | None = field(default=None, repr=False, compare=False)
 
     @property
     def path(self) -> Path:
@@ -97,7 +102,9 @@ class BuiltLibrary(Summarised):
         A library from the cache that does not load, as after a change of the system, is built again once.
         """
         try:
-            return CompiledModel(self.path, self.manifest, precision=precision, structure=self.structure)
+            model = CompiledModel(self.path, self.manifest, precision=precision, structure=self.structure)
+            model.build_twin = self.build_twin
+            return model
         except LibraryError:
             foreign = self.manifest.target not in ("", find_host())
             if self.build_again is None or foreign or precision not in (None, self.manifest.precision):
@@ -239,6 +246,7 @@ def build_library(
         why_emitter=str(cache.lookup_note(request_key).get("why_emitter", "")),
         structure=structure,
         build_again=build_again if is_cached else None,
+        build_twin=partial(_build_twin, structure, request, compiler, cache) if kind == "many" else None,
     )
 
 
@@ -247,6 +255,16 @@ def check_buildable(structure: Subject, request: ModelRequest) -> None:
     from tensegrity_codegen.codegen.emit import check_request
 
     check_request(structure, request)
+
+
+def _build_twin(
+    structure: Subject, request: ModelRequest, compiler: str | None, cache: Cache
+) -> CompiledModel | None:
+    """Return the model with corrected rigid bars beside that of a request, None where there is none."""
+    wanted = request_rigid_twin(structure, request)
+    if wanted is None:
+        return None
+    return build_library(structure, wanted, compiler=compiler, cache=cache, calls=MANY_CALLS).load()
 
 
 @dataclass(frozen=True)

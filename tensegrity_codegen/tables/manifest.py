@@ -265,6 +265,19 @@ class Manifest:
         return _read_only(np.array(self.coordinate_node_axis, dtype=np.int64).reshape(-1, 2))
 
     @cached_property
+    def vectors(self) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+        """Index of the first coordinate of each vector, (n_vectors,), and what to call it.
+
+        A vector is the position of a node; coordinates that are no positions of nodes are each one of its
+        own.
+        """
+        place, names = self.coordinate_place, self.coordinate_name
+        if find_formulation(self.formulation).in_nodes and len(place) == len(names):
+            first = np.flatnonzero(np.diff(place[:, 0], prepend=-1))
+            return _read_only(first), tuple(f"node {self.node_name[node]}" for node in place[first, 0])
+        return _read_only(np.arange(len(names))), tuple(f"coordinate {name}" for name in names)
+
+    @cached_property
     def is_centre(self) -> NDArray[np.bool_]:
         """Whether each coordinate is a place of a centre of mass in node distances, (n_coordinates,).
 

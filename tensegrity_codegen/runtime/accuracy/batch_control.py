@@ -16,7 +16,13 @@ from tensegrity_codegen.runtime.accuracy.explicit import (
 )
 from tensegrity_codegen.runtime.accuracy.integrate import integrate
 from tensegrity_codegen.runtime.accuracy.rates import find_fastest_of_batch
-from tensegrity_codegen.runtime.accuracy.scales import set_atol_by_length, tolerance_of_options
+from tensegrity_codegen.runtime.accuracy.scales import (
+    MIN_RELATIVE_ATOL,
+    find_length,
+    find_share,
+    set_atol_by_length,
+    tolerance_of_options,
+)
 from tensegrity_codegen.runtime.accuracy.tolerance import BLOCK_SIZE, Tolerance
 from tensegrity_codegen.runtime.integrate.batch_integration import integrate_batch
 from tensegrity_codegen.runtime.integrate.motion import Motion
@@ -38,6 +44,9 @@ def integrate_batch_to_samples(motion: Motion, options: RunOptions, threads: int
     """
     limits = set_atol_by_length(motion.model.manifest, options)
     tolerance = tolerance_of_options(motion.model.manifest, limits)
+    if options.atol is None:
+        least = MIN_RELATIVE_ATOL * find_length(motion.model.manifest)
+        tolerance = replace(tolerance, speed_share=find_share(limits), least_speed=least)
     counted = MIN_COUNTED_OVER_JUMPS if has_force_jumps(motion) else 1.0
     factor, power = find_row(options.method, False).vibration_loss
     first = integrate_batch(motion, limits, threads)
@@ -56,9 +65,10 @@ def integrate_batch_to_samples(motion: Motion, options: RunOptions, threads: int
         turned = frequency[rows] * motion.t_end
         lost = LOSS_SAFETY * factor * turned**power / np.maximum(finer.n_steps, 1) ** (power - 1.0)
         largest = np.abs(finer.state[..., : finer.state.shape[2] // 2]).max(axis=(1, 2))
-        is_fit = (lost <= NEGLIGIBLE_LOSS) & (EPS * frequency[rows] * largest <= slowest)
+        is_above_rounding = EPS * frequency[rows] * largest <= slowest
+        is_fit = is_above_rounding & (lost <= NEGLIGIBLE_LOSS)
         # Errors are taken to shrink with the tolerance of steps.
-        reachable = is_fit & (error * FACTORS[-2] <= before)
+        reachable = (is_above_rounding if options.atol is None else is_fit) & (error * FACTORS[-2] <= before)
         good = is_fit & (error <= 1.0) & (before * limits.rtol <= LOOSE_RTOL)
         batch = _put(batch, rows, finer, np.where(good, error, np.nan))
         alone += rows[~good & ~reachable].tolist()
@@ -84,9 +94,9 @@ def _compare(loose: FloatArray, tight: FloatArray, tolerance: Tolerance) -> tupl
     for start in range(0, n_batch, size):
         rows = slice(start, start + size)
         states = tight[rows].reshape(-1, n_states)
-        allowed = tolerance.allowed(states)
-        apart = tolerance.lengths(states - loose[rows].reshape(-1, n_states)) / allowed
-        error[rows] = apart.reshape(-1, n_times * allowed.shape[1]).max(axis=1)
+        apart = tolerance.lengths(states - loose[rows].reshape(-1, n_states))
+        allowed = np.concatenate([tolerance.measure(one).allowed(one) for one in tight[rows]])
+        error[rows] = (apart / allowed).reshape(-1, n_times * allowed.shape[1]).max(axis=1)
         speeds = allowed[:, len(tolerance.first) :]
         speed[rows] = speeds.reshape(-1, n_times * speeds.shape[1]).min(axis=1)
     return error, speed

@@ -24,10 +24,12 @@ from tensegrity_codegen.tables.integrators import DAMPED_INTEGRATOR, STIFF_INTEG
 
 EXPLICIT = ("rk853", "rk54")
 MAX_CHEAP_STEPS = 5_000  # steps that resolve every vibration in hundredths of a second
-LOOSE_RTOL = 1e-3  # relative tolerance above which order 5 is as good as order 8
-LOOSE_RTOL_WITH_JUMPS = 1e-7  # the same where forces jump: steps end there, and short ones cost rk54 less
+# Relative tolerance above which order 5 is as good as order 8 where forces jump: steps end there, and short
+# ones cost rk54 less.
+LOOSE_RTOL_WITH_JUMPS = 1e-7
 CABLE_SHARE = 0.8  # of the explicit steps, that cables alone need where not bars limit them
 IMPLICIT_STEP_COST = 1.5  # time of an implicit step over that of one of rk853
+MAX_VIBRATION_SHARE = 0.5  # of the tolerance, that vibrations which implicit steps leave out may take
 MAX_EXPLICIT_STEPS = 100_000  # steps, at most, where the implicit method misses the tolerance
 # Explicit steps of a run over rings with friction, from which on DAMPED_INTEGRATOR has its turn: a strand
 # that goes slack gives its material away in no time.
@@ -88,7 +90,7 @@ def _wanted_by_auto(structure: Structure | None, formulation: str, rtol: float) 
     stiff = structure.is_mixed & (mu > 0) & free[structure.connectivity].any(axis=1)
     soft = float(mu[~structure.is_mixed].max(initial=0.0))
     is_stiff = find_formulation(formulation).in_nodes and bool(np.any(mu[stiff] >= MIN_STIFF_RATIO * soft))
-    if is_stiff and rtol <= LOOSE_RTOL:
+    if is_stiff:
         explicit = "rk853"  # vibrations take most steps, not jumps
     return (explicit, STIFF_INTEGRATOR) if is_stiff else (explicit,)
 
@@ -149,7 +151,7 @@ def _weigh(motion: Motion, options: RunOptions, rates: Rates, explicit: Choice) 
     if steps <= MAX_CHEAP_STEPS:
         why = f"{explicit.why}; {ratio}; about {_number(steps)} explicit steps resolve all vibrations"
         return replace(explicit, why=why)
-    if rtol <= LOOSE_RTOL and any(spec.name == "rk853" for spec in model.manifest.integrators):
+    if any(spec.name == "rk853" for spec in model.manifest.integrators):
         explicit = replace(explicit, name="rk853", why="fast vibrations: order 8")
     spec = next(spec for spec in model.manifest.integrators if spec.name == STIFF_INTEGRATOR)
     slow_decay = 0.0 if spec.damped else rates.slow_decay  # in the implicit matrix it costs no steps
@@ -166,7 +168,7 @@ def _weigh(motion: Motion, options: RunOptions, rates: Rates, explicit: Choice) 
     amplitude = listen_to_members(motion)["vibration"]
     with np.errstate(all="ignore"):  # members without a length have no direction
         vibration = find_vibration(motion, spec.tensions, rates)
-    if not vibration.error(first, last)[0] <= options.absolute + rtol * size:
+    if not vibration.error(first, last)[0] <= MAX_VIBRATION_SHARE * (options.absolute + rtol * size):
         why = f"{explicit.why}; {ratio} and vibrate by {amplitude:.2g} m, which only short steps resolve"
         return replace(explicit, why=why)
     return replace(
@@ -231,7 +233,7 @@ def _tell_rigid(model: CompiledModel) -> str:
 
 
 def _explicit_for(rtol: float, jumps: bool) -> str:
-    return "rk54" if rtol > LOOSE_RTOL or (jumps and rtol > LOOSE_RTOL_WITH_JUMPS) else "rk853"
+    return "rk54" if jumps and rtol > LOOSE_RTOL_WITH_JUMPS else "rk853"
 
 
 def _explicit_steps(frequency: float, decay: float, t_end: float, rtol: float) -> float:

@@ -39,6 +39,8 @@ VIBRATION_ERRORS = ("vibration_error", "vibration_speed_error", "vibration_tensi
 KINK_SAFETY = 2.0  # times what a member on two free masses does: others at its ends change it a little
 LONGEST_TO_MEAN_STEP = 3.0  # over the mean one
 RESOLVED_ANGLE = 0.5  # rad of a vibration in one step, up to which the implicit method follows it
+# Measured over random motions; and the phase of the fastest slow motion within which the rest answers.
+PULL, SLOW_ANGLE = 0.15, 10.0
 RATE_SPAN = 1e-3  # of a piece, over which the rate of a force is taken
 
 
@@ -73,7 +75,7 @@ def _tighten(motion: Motion, options: RunOptions) -> RawTrajectory:
         return tighten_until_converged(
             lambda rtol, atol: integrate_implicit(motion, options.within(rtol, atol)),
             tolerance,
-            Checks(min_counted=min_counted),
+            Checks(min_counted=min_counted, is_open=options.is_open),
         )
     rates = find_rates(model, stiff, motion.arguments)
     assert rates is not None  # a library with the implicit method has what it takes
@@ -83,12 +85,21 @@ def _tighten(motion: Motion, options: RunOptions) -> RawTrajectory:
     def run(rtol: float, atol: float) -> RawTrajectory:
         raw = integrate_implicit(motion, options.within(rtol, atol))
         return add_vibration_errors(
-            motion, raw, vibration.damped_out(atol + rtol * size), stiff, rates.frequency
+            motion,
+            raw,
+            vibration.damped_out(atol + rtol * size),
+            stiff,
+            rates.frequency,
+            counts_turns=options.is_open,
         )
 
     rounding = Rounding(lambda: rates.frequency, model.manifest.is_centre)
     checks = Checks(
-        vibration=read_vibration_errors, min_counted=min_counted, resolves_vibration=True, rounding=rounding
+        vibration=read_vibration_errors,
+        min_counted=min_counted,
+        resolves_vibration=True,
+        rounding=rounding,
+        is_open=options.is_open,
     )
     return report_vibration(tighten_until_converged(run, tolerance, checks), options)
 
@@ -105,14 +116,23 @@ def find_min_counted(motion: Motion, method: str = STIFF_INTEGRATOR) -> float:
 
 
 def add_vibration_errors(
-    motion: Motion, raw: RawTrajectory, error: FloatArray, stiff: tuple[int, ...], frequency: float
+    motion: Motion,
+    raw: RawTrajectory,
+    error: FloatArray,
+    stiff: tuple[int, ...],
+    frequency: float,
+    *,
+    counts_turns: bool = False,
 ) -> RawTrajectory:
     """Return the run with bounds of the errors of positions, velocities and tensions in its evidence.
 
     error (3,): by the vibrations of the start, to which those that jumps and kinks excite are added;
-    stiff: the members that vibrate; frequency [rad/s]: the fastest of their vibrations.
+    stiff: the members that vibrate; frequency [rad/s]: the fastest of their vibrations; counts_turns: whether
+    those count that cables without damping excite as they go slack and taut, and what vibrations pull.
     """
     error = error + _bound_jumps(motion, raw, stiff, frequency) + _bound_kinks(motion, raw, stiff)
+    if counts_turns:
+        error = error + _bound_turns(motion, raw, stiff, frequency) + _bound_pull(motion, raw, stiff)
     evidence = dict(zip(VIBRATION_ERRORS, map(float, error), strict=True))
     return replace(raw, evidence={**raw.evidence, **evidence})
 
@@ -166,6 +186,39 @@ def _bound_jumps(motion: Motion, raw: RawTrajectory, stiff: tuple[int, ...], fre
     pull = force[ends[chosen, 0]] + force[ends[chosen, 1]]
     largest = float((pull / mu[chosen]).max(initial=0.0))
     return np.array([largest, largest * frequency, float(pull.max(initial=0.0))])
+
+
+def _bound_turns(motion: Motion, raw: RawTrajectory, stiff: tuple[int, ...], frequency: float) -> FloatArray:
+    """Return bounds [m], [m/s], [N] of the vibrations that cables excite by a kink of their force, all turns.
+
+    A rate of force that jumps by k l' makes a member vibrate by k l' / (mu omega).
+    """
+    turns, n = raw.log.count, raw.state.shape[1] // 2
+    if not turns:
+        return np.zeros(3)
+    mu = np.asarray(motion.model.compute("member_law", **motion.arguments))[:, 1]
+    is_stiff = np.isin(np.arange(len(mu)), stiff) & (mu > 0.0)
+    softest, stiffest = float(mu[is_stiff].min(initial=np.inf)), float(mu[is_stiff].max(initial=0.0))
+    speed = 2.0 * float(np.abs(raw.state[:, n:]).max(initial=0.0))
+    rate = float(mu[~is_stiff].max(initial=0.0)) * speed
+    far = turns * rate / (softest * frequency * np.sqrt(softest / stiffest)) if stiffest > 0.0 else 0.0
+    return np.array([far, far * frequency, far * softest])
+
+
+def _bound_pull(motion: Motion, raw: RawTrajectory, stiff: tuple[int, ...]) -> FloatArray:
+    """Return bounds [m], [m/s], [N] of what the vibration of the start makes of the smooth motion.
+
+    A member that vibrates across itself pulls its ends together, on the mean by PULL v^2 / l of acceleration.
+    """
+    speed, n = raw.evidence.get("vibration_speed", 0.0), len(motion.state) // 2
+    rates = find_rates(motion.model, stiff, motion.arguments)
+    if rates is None or not speed > 0.0:
+        return np.zeros(3)
+    anchors = motion.arguments.get("anchor_position")
+    place = place_nodes(motion.model, motion.state[:n], anchors, arguments=motion.arguments)
+    length = float(motion.model.manifest.strands.lengths(place)[list(stiff)].min(initial=np.inf))
+    pull, time = PULL * speed**2 / length, min(motion.t_end, SLOW_ANGLE / max(rates.slow_frequency, 1e-300))
+    return np.array([0.5 * pull * time**2, pull * time, 0.0])
 
 
 def _may_go_taut(motion: Motion, raw: RawTrajectory) -> NDArray[np.bool_]:

@@ -18,7 +18,7 @@ from tensegrity_codegen.system.arrays import FloatArray
 
 Run = Callable[[float, float], RawTrajectory]
 
-MAX_ROUNDS = 7
+MAX_ROUNDS = 7  # one more where the first run has looser steps
 MIN_RTOL = 1e-15  # below, a step's error is rounding; of methods in C
 # Where vibrations that steps leave out keep the rounds going: they end all at once.
 MIN_FACTOR_WITH_VIBRATION = 0.03
@@ -38,7 +38,14 @@ MIN_COUNTED_WITH_KINKS = 0.7  # of the difference of two runs counts where steps
 MAX_SHRINK_WITH_SWITCHES, MIN_COUNTED_WITH_SWITCHES = 0.03, 2.0
 # Of the tolerance: two runs that agree so well share an error that may be more than twice their difference.
 LEAST_ERROR_WITH_SWITCHES = 0.05
-LEAST_PART = 0.1  # of the difference of two runs that counts: tighter steps are not trusted to gain more
+# Where method or tolerance are left open: steps of the first run over those that the samples ask for, and
+# tightening of each next one, at least.
+FIRST_FACTOR, SECOND_FACTOR, OPEN_SHRINK = 5.0, 0.5, 0.3
+MAX_SHRINK = 0.1  # otherwise
+ROUNDING_OF_FACTORS = 1e-9
+# Of the difference of two runs that counts: tighter steps are not trusted to gain more; the second where the
+# difference before has shown how fast errors shrink.
+LEAST_PART, LEAST_PART_SHOWN = 0.1, 0.02
 FEW_SAMPLES = (
     4.0  # over the number of samples: of the difference counts at least this; few may agree by chance
 )
@@ -91,32 +98,38 @@ class Checks:
     vibration: run -> amounts (2,) [m], [m/s] of vibrations that all runs leave out alike. They do not keep
     the rounds going; those of positions count in the estimate, those of velocities are the caller's to state.
     resolves_vibration: whether tighter steps leave less out, so that amounts of positions keep the rounds
-    going after all. lost: run -> error over the tolerance by vibrations that tighter steps keep. least_atol:
+    going after all. lost: run, tolerance -> error over that by vibrations that tighter steps keep, and what
+    it would be if more could be lost than there is: how far the steps are from keeping them. least_atol:
     below which the steps' absolute tolerance does not go; there the whole difference to a run with ten times
     that counts; find_least_atol: the same by the first run, where what stands on the ground has other
     vibrations than at the start. least_rtol: the same of the relative one, for which rounding ends the
     rounds. min_counted: the part of a difference that counts at least, for methods that pass over kinks.
     least_error: estimate over the tolerance below which none is stated. max_shrink: factor by which a round
-    tightens the steps at least. rounding: what it makes of velocities.
+    tightens the steps at least. rounding: what it makes of velocities. is_open: whether the first run may
+    have looser steps than the samples ask for. counts_speeds: whether amounts of velocities count as those of
+    positions.
     """
 
     vibration: Callable[[RawTrajectory], FloatArray] | None = None
     resolves_vibration: bool = False
-    lost: Callable[[RawTrajectory], float] | None = None
+    lost: Callable[[RawTrajectory, Tolerance], tuple[float, float]] | None = None
     least_atol: float = 0.0
     find_least_atol: Callable[[RawTrajectory], float] | None = None
     least_rtol: float = MIN_RTOL
     min_counted: float = 0.0
     least_error: float = 0.0
-    max_shrink: float = 0.1
+    max_shrink: float = MAX_SHRINK
     rounding: Rounding | None = None
+    is_open: bool = False
+    counts_speeds: bool = False
 
 
 def tighten_until_converged(run: Run, tolerance: Tolerance, checks: Checks | None = None) -> RawTrajectory:
     """Return a run whose estimated error is within the tolerance at every sample.
 
     run: (rtol, atol) of one step -> trajectory. Each round tightens the steps' tolerance by a factor s of at
-    most 1/10, and takes 3 s^p, at least 1/10 and at most 1/3, of the difference of the two runs for the error
+    most 1/10, 3/10 where `is_open`, and takes 3 s^p, at least 1/10 and at most 1/3 (1 where s is larger than
+    1/10), of the difference of the two runs for the error
     of the tighter one, which is returned: errors shrink with the tolerance, here trusted to a third of that,
     and with the power p <= 1 with which they did so in the round before. All of it counts where the tighter
     run took hardly more steps. Of the difference that rounding may cause nothing is taken off. No less is
@@ -139,20 +152,30 @@ class _Rounds:
         self.rtol, self.atol = tolerance.rtol, min(tolerance.atol, tolerance.atol_speed)
         self.least = checks.least_atol
         self.factor, self.error, self.where = 1.0, np.inf, ""
+        self.excess = 0.0  # error by vibrations that the steps of the last run lose, if it went on growing
         self.vibration = 0.0  # part of the tolerance that vibrations take which steps leave out
-        self.tightened, self.difference = 0.1, np.inf  # tightening and difference of the round before
+        self.tightened, self.difference = MAX_SHRINK, np.inf  # tightening and difference of the round before
         self.n_evaluations = 0
 
     def result(self) -> RawTrajectory:
         """Return the first run that meets the tolerance, or the last one with what is wrong with it."""
-        self.previous = self._try(self.rtol, self.atol)
+        if self.checks.is_open:
+            self.factor = min(FIRST_FACTOR, LOOSE_RTOL / self.rtol)
+        self.previous = self._try(self.rtol * self.factor, self.atol * self.factor)
+        if self.previous.status != "ok" and self.factor > 1.0:
+            self.factor = 1.0
+            self.previous = self._try(self.rtol, self.atol)
+        if self.previous.status == "ok":
+            self.tolerance = self.tolerance.measure(self.previous.state)
+            self.atol = min(self.atol, self.tolerance.atol_speed)
         if self.checks.find_least_atol is not None and self.previous.status == "ok":
             self.least = max(self.least, self.checks.find_least_atol(self.previous))
-        for _ in range(MAX_ROUNDS):
+        most = MAX_ROUNDS + self.checks.is_open
+        for _ in range(most):
             found = self._go_on()
             if found is not None:
                 return found
-        return self._give_up(self.previous, f"no convergence after {MAX_ROUNDS} refinements")
+        return self._give_up(self.previous, f"no convergence after {most} refinements")
 
     def beyond_rounding(self) -> RawTrajectory:
         """Return the best run there is for a tolerance below rounding, and how far it is from that."""
@@ -200,7 +223,9 @@ class _Rounds:
             return self.checks.max_shrink
         least = MIN_FACTOR_WITH_VIBRATION if self.vibration > 1.0 else 1e-3
         most = self.checks.max_shrink
-        shrink = float(np.clip(0.3 / self.error, least, most)) if 0.0 < self.error < np.inf else most
+        error = max(self.error, self.excess)
+        wanted = 0.3 / error if 0.0 < error < np.inf else SECOND_FACTOR / self.factor
+        shrink = float(np.clip(wanted, least, most))
         return min(most, max(shrink, self.checks.least_rtol / (self.rtol * self.factor)))
 
     def _try_finer(self, shrink: float) -> RawTrajectory:
@@ -224,23 +249,36 @@ class _Rounds:
         noise = None if checks.rounding is None else checks.rounding.noise(finer)
         # The difference to the looser run, and the part of it that is taken for the error of this one.
         difference_before = self.difference
-        self.difference = compare_runs(self.previous, finer, self.tolerance, more=allowance).whole
-        power = _find_power(difference_before, self.difference, self.tightened)
         is_no_finer = at_least or finer.n_steps < MIN_STEP_GROWTH * self.previous.n_steps
-        part = 1.0 if is_no_finer else min(1.0 / 3.0, max(3.0 * tightened**power, LEAST_PART))
-        part = max(part, checks.min_counted, min(1.0, FEW_SAMPLES / len(finer.time)))
-        self.tightened = tightened
-        found = compare_runs(self.previous, finer, self.tolerance, part=part, more=allowance, noise=noise)
+        most = 1.0 / 3.0 if tightened <= (1.0 + ROUNDING_OF_FACTORS) * MAX_SHRINK else 1.0
+
+        def find_part(whole: float) -> float:
+            power = _find_power(difference_before, whole, self.tightened)
+            # Where the difference before this one has shown how fast errors shrink, that is trusted farther.
+            is_shown = checks.is_open and np.isfinite(difference_before)
+            least = LEAST_PART_SHOWN if is_shown else LEAST_PART
+            few = FEW_SAMPLES / (len(finer.time) * (len(self.tolerance.first) if is_shown else 1))
+            part = 1.0 if is_no_finer else min(most, max(3.0 * tightened**power, least))
+            return max(part, checks.min_counted, min(1.0, few))
+
+        found = compare_runs(
+            self.previous, finer, self.tolerance, part=find_part, more=allowance, noise=noise
+        )
+        self.tightened, self.difference = tightened, found.whole
         self.error, self.where = found.error, found.where
         # What both runs lose alike adds to it.
+        self.excess = 0.0
         share = self.vibration = self._find_share(finer, allowance)
         if self.error <= 1.0 and checks.lost is not None:
-            lost = checks.lost(finer)
+            lost, excess = checks.lost(finer, self.tolerance)
+            self.excess = excess if checks.is_open else 0.0
             self.where = "by vibrations that the steps do not resolve" if lost > 1.0 else self.where
             self.error += lost
         estimate = self.error + share
         may_pass_over = finer.log.count > 0 or checks.min_counted > 0.0
-        is_loose = may_pass_over and self.rtol * self.factor / shrink > LOOSE_RTOL
+        is_loose = (
+            may_pass_over and self.rtol * self.factor / shrink > (1.0 + ROUNDING_OF_FACTORS) * LOOSE_RTOL
+        )
         if estimate <= 1.0 and not is_loose:
             self.error = estimate
             return self._accept(finer, found)
@@ -258,11 +296,15 @@ class _Rounds:
         return None
 
     def _find_share(self, run: RawTrajectory, more: FloatArray | None) -> float:
-        """Return the largest part of the tolerance that positions are off by after the start."""
+        """Return the largest part of the tolerance that positions are off by after the start.
+
+        And velocities, if they count too.
+        """
         if more is None or not more[0] > 0.0:
             return 0.0
-        allowed = self.tolerance.allowed(run.state[1:])[:, : len(self.tolerance.first)]
-        return float(np.max(more[0] / allowed, initial=0.0))
+        counted = 1 + self.checks.counts_speeds
+        allowed = self.tolerance.allowed(run.state[1:]).reshape(len(run.state) - 1, 2, -1)
+        return float(np.max(more[:counted, None] / allowed[:, :counted], initial=0.0))
 
     def _accept(self, run: RawTrajectory, found: Comparison) -> RawTrajectory:
         """Return a run within the tolerance; with a bound of velocities where rounding may be more."""
@@ -299,13 +341,12 @@ class _Rounds:
 
     def _accept_as_it_is(self, run: RawTrajectory) -> RawTrajectory:
         self.error = max(self.error, self.checks.least_error, LEAST_SHARE_OF_STEPS * self.factor)
-        message, evidence = f"{run.message}; estimated error {self.error:.2g} of the tolerance", run.evidence
+        message = f"{run.message}; estimated error {self.error:.2g} of the tolerance"
+        evidence = {**run.evidence, "atol": self.tolerance.atol, "atol_speed": self.tolerance.atol_speed}
         if run.columns is not None and self.previous.columns is not None:
-            counted = max(1.0, self.checks.min_counted)
-            evidence = {
-                **evidence,
-                "column_error": counted * _compare_columns(self.previous.columns, run.columns),
-            }
+            apart = _compare_columns(self.previous.columns, run.columns)
+            least = self.error * self.rtol if self.checks.is_open else 0.0  # events shift both runs alike
+            evidence = {**evidence, "column_error": max(1.0, self.checks.min_counted) * max(apart, least)}
         return replace(
             run,
             method=_name(run),

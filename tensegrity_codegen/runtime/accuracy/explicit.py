@@ -6,6 +6,7 @@ may keep the tolerance while all of them together take the vibration away, in a 
 compared with it. How large it is shows in a short run with tight steps from the same start.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -15,14 +16,23 @@ import numpy as np
 from tensegrity_codegen.runtime.accuracy.damped_vibration import find_min_counted
 from tensegrity_codegen.runtime.accuracy.error_control import (
     LEAST_ERROR_WITH_SWITCHES,
+    MAX_SHRINK,
     MAX_SHRINK_WITH_SWITCHES,
     MIN_COUNTED_WITH_KINKS,
     MIN_COUNTED_WITH_SWITCHES,
+    OPEN_SHRINK,
     Checks,
     Rounding,
     tighten_until_converged,
 )
-from tensegrity_codegen.runtime.accuracy.rates import find_decay, find_fastest, find_noise
+from tensegrity_codegen.runtime.accuracy.rates import (
+    FEW_ITERATIONS,
+    ITERATIONS,
+    bound_fastest,
+    find_decay,
+    find_fastest,
+    find_noise,
+)
 from tensegrity_codegen.runtime.accuracy.scales import tolerance_of_options
 from tensegrity_codegen.runtime.accuracy.tolerance import Tolerance
 from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
@@ -47,27 +57,56 @@ FIRST_STEP_OVER_JUMPS, STEP_AFTER_STEP = 0.05, 0.4
 MIN_COUNTED_OVER_JUMPS, LEAST_ERROR_OVER_JUMPS = 4.0, 0.1
 LOSS_SAFETY = 3.0  # times that change: steps are not all of the same length
 # The short run: radians of the fastest vibration between its samples, their number, and its tolerance.
+# There, where method or tolerance are left open: order of the differences that show vibrations, and what they
+# make of one of the fastest frequency.
+OPEN_ORDER, OPEN_SIZE = 6, (2.0 * math.sin(1.0)) ** 6
 SHORT_RUN_SPACING, SHORT_RUN_SAMPLES, SHORT_RUN_TOLERANCE = 2.0, 26, 1e-2
 
 
-def integrate_explicit_to_samples(motion: Motion, options: RunOptions) -> RawTrajectory:
+@dataclass(frozen=True)
+class LeftOut:
+    """What a model leaves out in which nothing stiff vibrates: no two runs that agree lose a vibration alike.
+
+    find: run -> error of its positions [m] and velocities [m/s], see Checks.vibration; both count in the
+    estimate; frequency: a bound of its fastest vibration [rad/s].
+    """
+
+    find: Callable[[RawTrajectory], FloatArray]
+    frequency: float
+
+
+def integrate_explicit_to_samples(
+    motion: Motion,
+    options: RunOptions,
+    left_out: LeftOut | None = None,
+) -> RawTrajectory:
     """Return a run of the explicit or SciPy method of the options, its estimated error within the tolerance.
+
+    left_out: what the model itself leaves out.
 
     What rounding makes of velocities is in `evidence` where it is more than the tolerance, see
     tighten_until_converged. Steps of SciPy's methods pass over the kinks where cables go slack and taut.
     Raises as integrate_adaptive and integrate_scipy.
     """
     manifest = motion.model.manifest
-    find_frequency = cache(partial(find_fastest, begin_motion(motion)))
+    begun = begin_motion(motion)
+    iterations = FEW_ITERATIONS if options.is_open else ITERATIONS
+    find_frequency = cache(partial(find_fastest, begun, iterations))
+    find_bound: Callable[[], float] = find_frequency
+    if left_out is not None:
+        find_bound = partial(float, left_out.frequency)
+    elif options.is_open:
+        find_bound = cache(partial(bound_fastest, begun))
     tolerance = tolerance_of_options(manifest, options)
-    rounding = Rounding(find_frequency, manifest.is_centre)
-    noise = find_noise(motion, find_frequency())
+    rounding = Rounding(find_bound, manifest.is_centre)
+    noise = find_noise(motion, find_bound())
     counted = _find_min_counted(motion, options.method)
     is_rough = counted == MIN_COUNTED_OVER_JUMPS
+    shrink = OPEN_SHRINK if options.is_open else MAX_SHRINK
     switches = manifest.needs_state_jacobian  # contacts, or members and rings with memory
     least_error = LEAST_ERROR_OVER_JUMPS if is_rough else LEAST_ERROR_WITH_SWITCHES if switches else 0.0
     if not find_method(options.method).scipy:
-        lost = _LostVibration(motion, options, find_frequency, integrate_adaptive, options.method)
+        lost = _LostVibration(motion, options, find_bound, find_frequency, integrate_adaptive, options.method)
         share = find_row(options.method, switches).noise_share
 
         def find_least_atol(run: RawTrajectory) -> float:
@@ -80,22 +119,27 @@ def integrate_explicit_to_samples(motion: Motion, options: RunOptions) -> RawTra
             find_least_atol=find_least_atol if manifest.has_contacts else None,
             min_counted=max(counted, MIN_COUNTED_WITH_SWITCHES if switches else 0.0),
             least_error=least_error,
-            max_shrink=MAX_SHRINK_WITH_SWITCHES if switches else 0.1,
+            max_shrink=MAX_SHRINK_WITH_SWITCHES if switches else shrink,
             rounding=rounding,
-            lost=partial(lost.estimate, tolerance=tolerance),
+            lost=lost.estimate if left_out is None else None,
+            vibration=None if left_out is None else left_out.find,
+            counts_speeds=left_out is not None,
+            is_open=options.is_open,
         )
         return tighten_until_converged(
             lambda rtol, atol: integrate_adaptive(motion, options.within(rtol, atol)), tolerance, checks
         )
     like = "rk853" if options.method == SCIPY_EXPLICIT.name else "rk54"
-    lost = _LostVibration(motion, options, find_frequency, integrate_scipy, like)
+    lost = _LostVibration(motion, options, find_bound, find_frequency, integrate_scipy, like)
     checks = Checks(
         least_atol=noise,
         least_rtol=MIN_SCIPY_RTOL,
         min_counted=counted,
         least_error=least_error,
         rounding=rounding,
-        lost=partial(lost.estimate, tolerance=tolerance),
+        max_shrink=shrink,
+        lost=lost.estimate,
+        is_open=options.is_open,
     )
 
     longest = FIRST_STEP_OVER_JUMPS * motion.t_end if is_rough else np.inf
@@ -170,27 +214,34 @@ def begin_motion(motion: Motion) -> Motion:
 class _LostVibration:
     """What runs of a motion lose.
 
-    find_frequency: returns the fastest frequency [rad/s]; integrate: does one run; like: name of the
-    integrator whose steps lose as much.
+    find_bound, find_frequency: return a bound of the fastest frequency, and this itself [rad/s]; integrate:
+    does one run; like: name of the integrator whose steps lose as much.
     """
 
     motion: Motion
     options: RunOptions
+    find_bound: Callable[[], float]
     find_frequency: Callable[[], float]
     integrate: Callable[[Motion, RunOptions], RawTrajectory]
     like: str
 
-    def estimate(self, run: RawTrajectory, tolerance: Tolerance) -> float:
-        """Return the error over the tolerance by vibrations that a run has lost, 0 where it shows them."""
-        frequency, last = self.find_frequency(), float(run.time[-1])
+    def estimate(self, run: RawTrajectory, tolerance: Tolerance) -> tuple[float, float]:
+        """Return the error over the tolerance by vibrations that a run has lost, 0 where it shows them.
+
+        And the same as if a vibration could lose more than there is of it: how far steps are from showing it.
+        """
+        last, steps = float(run.time[-1]), max(run.n_steps, 1)
         factor, power = find_row(self.like, self.motion.model.manifest.needs_state_jacobian).vibration_loss
-        angle = frequency * last / max(run.n_steps, 1)
-        changed = run.n_steps * factor * angle**power
-        if changed <= NEGLIGIBLE_LOSS:
-            return 0.0
-        speed = min(2.0, LOSS_SAFETY * changed) * self._find_amplitude(frequency, last, tolerance)
+        for find in (self.find_bound, self.find_frequency):
+            frequency = find()
+            changed = run.n_steps * factor * (frequency * last / steps) ** power
+            if changed <= NEGLIGIBLE_LOSS:
+                return 0.0, 0.0
+        lost = min(2.0, LOSS_SAFETY * changed)
+        speed = lost * self._find_amplitude(frequency, last, tolerance)
         allowed = tolerance.allowed(run.state[1:])
-        return float(np.max(np.concatenate([speed / frequency, speed]) / allowed, initial=0.0))
+        error = float(np.max(np.concatenate([speed / frequency, speed]) / allowed, initial=0.0))
+        return error, error * LOSS_SAFETY * changed / lost
 
     def _find_amplitude(self, frequency: float, last: float, tolerance: Tolerance) -> FloatArray:
         """Return the speed [m/s] with which each node vibrates at the start, (n_groups,)."""
@@ -200,9 +251,14 @@ class _LostVibration:
         rtol, atol = (SHORT_RUN_TOLERANCE * value for value in (self.options.rtol, self.options.absolute))
         state = self.integrate(motion, self.options.within(rtol, atol)).state
         found = np.zeros(len(tolerance.first))
-        for lag in (1, 2):  # second differences of a vibration, 2 (1 - cos) times its size
-            if len(state) > 2 * lag:
-                bend = state[2 * lag :] - 2.0 * state[lag:-lag] + state[: -2 * lag]
+        for lag in (1, 2):
+            # Differences of the order k of a vibration are (2 sin)^k times its size, of slower ones far less.
+            bend, size = state[2 * lag :] - 2.0 * state[lag:-lag] + state[: -2 * lag], 2.0
+            if self.options.is_open:
+                size = OPEN_SIZE
+                for _ in range(OPEN_ORDER - 2):
+                    bend = bend[lag:] - bend[:-lag]
+            if len(bend):
                 speeds = tolerance.lengths(bend)[:, len(tolerance.first) :]
-                found = np.maximum(found, speeds.max(axis=0) / 2.0)
+                found = np.maximum(found, speeds.max(axis=0) / size)
         return found

@@ -12,7 +12,7 @@ accelerations.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +21,11 @@ from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.errors import NonFiniteError
 
 POSITION_ROUNDING = 5e-17  # of positions, in velocities that steps still hold
-ITERATIONS = 12  # of two evaluations; a few percent from below where frequencies lie close together
+RATE_QUANTITIES = ("member_law", "mass_matrix")  # that rates follow from
+# Of two evaluations; a few percent from below where frequencies lie close together, ten percent with few.
+ITERATIONS, FEW_ITERATIONS = 12, 6
 DISPLACEMENT = 1e-6  # of the largest coordinate, by which coordinates are moved
 LEAST_JUMP_RATIO = 0.75  # of a difference of twice the length over a difference: 1 where forces are smooth
 
@@ -53,6 +54,15 @@ def find_rates(model: Model, stiff: tuple[int, ...], arguments: Mapping[str, Any
     """
     if not (model.has("member_law") and model.has("mass_matrix")):
         return None
+    if isinstance(model, CompiledModel):
+        specs = (spec for spec in model.manifest.functions if spec.quantity in RATE_QUANTITIES)
+        if all(set(spec.arguments).isdisjoint(arguments) for spec in specs):  # the same at each call
+            return cast(Rates, model.keep(("rates", stiff), lambda: _find_rates(model, stiff, {})))
+    return _find_rates(model, stiff, arguments)
+
+
+def _find_rates(model: Model, stiff: tuple[int, ...], arguments: Mapping[str, Any]) -> Rates:
+    """Return the rates at these arguments."""
     law = np.asarray(model.compute("member_law", **arguments))
     mu, c = law[:, 1], law[:, 2]
     mass = _node_mass(model, arguments)
@@ -112,48 +122,53 @@ def find_noise(motion: Motion, frequency: float) -> float:
     return POSITION_ROUNDING * float(np.abs(place).max(initial=0.0)) * frequency
 
 
-def find_fastest(motion: Motion) -> float:
+def find_fastest(motion: Motion, iterations: int = ITERATIONS) -> float:
     """Return the largest frequency [rad/s] at the start, root of the norm of da/dq; 0 if not finite."""
     n = len(motion.state) // 2
+    others = {**motion.arguments, "velocity": motion.state[n:]}
 
     def accelerate(place: FloatArray) -> FloatArray:
-        return _accelerate(motion, place[0], motion.state[n:])[None, :]
+        return motion.model.compute_rows("acceleration", {"coordinate": place}, others, len(place))
 
-    return float(_iterate(accelerate, motion.state[None, :n], motion.model.manifest.is_centre)[0])
+    is_centre = motion.model.manifest.is_centre
+    return float(_iterate(accelerate, motion.state[None, :n], is_centre, iterations)[0])
 
 
 def find_decay(motion: Motion) -> float:
     """Return the largest decay rate [1/s] at the start, the norm of da/dv; 0 if not finite."""
     n = len(motion.state) // 2
+    others = {**motion.arguments, "coordinate": motion.state[:n]}
 
     def accelerate(velocity: FloatArray) -> FloatArray:
-        return _accelerate(motion, motion.state[:n], velocity[0])[None, :]
+        return motion.model.compute_rows("acceleration", {"velocity": velocity}, others, len(velocity))
 
     return float(_iterate(accelerate, motion.state[None, n:], np.zeros(n, dtype=np.bool_))[0]) ** 2
 
 
-def _accelerate(motion: Motion, place: FloatArray, velocity: FloatArray) -> FloatArray:
-    """Return the acceleration (n_coordinates,) at the start of a motion, NAN where it is not finite."""
-    try:
-        found = motion.model.compute("acceleration", coordinate=place, velocity=velocity, **motion.arguments)
-    except NonFiniteError:
-        return np.full_like(place, np.nan)
-    return np.asarray(found)
+def bound_fastest(motion: Motion) -> float:
+    """Return find_fastest, or in its place a bound by the laws of members, which costs nothing once known."""
+    if not motion.model.manifest.needs_state_jacobian:  # no contacts, nor members or rings with memory
+        rates = find_rates(motion.model, (), motion.arguments)
+        if rates is not None:
+            return rates.frequency
+    return find_fastest(motion, FEW_ITERATIONS)
 
 
 def find_fastest_of_batch(motion: Motion, threads: int = 1) -> FloatArray:
     """Return what find_fastest says of each motion of a batch, states (n_batch, n_states): (n_batch,)."""
     n = motion.state.shape[1] // 2
-    velocity = motion.state[:, n:]
+    own = {
+        name for name, value in motion.arguments.items() if np.ndim(value) > motion.model.nominal(name).ndim
+    }
+    both = {
+        name: np.concatenate([value] * 2) if name in own else value
+        for name, value in motion.arguments.items()
+    }
+    velocity = np.concatenate([motion.state[:, n:]] * 2)
 
     def accelerate(place: FloatArray) -> FloatArray:
         found, _ = motion.model.compute_batch(
-            "acceleration",
-            coordinate=place,
-            velocity=velocity,
-            threads=threads,
-            on_error="status",
-            **motion.arguments,
+            "acceleration", coordinate=place, velocity=velocity, threads=threads, on_error="status", **both
         )
         return np.asarray(found)
 
@@ -161,10 +176,14 @@ def find_fastest_of_batch(motion: Motion, threads: int = 1) -> FloatArray:
 
 
 def _iterate(
-    accelerate: Callable[[FloatArray], FloatArray], place: FloatArray, is_centre: NDArray[np.bool_]
+    accelerate: Callable[[FloatArray], FloatArray],
+    place: FloatArray,
+    is_centre: NDArray[np.bool_],
+    iterations: int = ITERATIONS,
 ) -> FloatArray:
     """Return roots of the norms of da/dq at places (n_batch, n_coordinates), row by row.
 
+    accelerate: places on one side, then those on the other -> accelerations (2 n_batch, n_coordinates);
     is_centre (n_coordinates,): those that measure no length of the structure, see Manifest.
     """
     with np.errstate(all="ignore"):  # rows that are not finite come out as 0
@@ -173,12 +192,12 @@ def _iterate(
 
         def differ(direction: FloatArray, times: float) -> FloatArray:
             moved = times * reach * direction / np.linalg.norm(direction, axis=1, keepdims=True)
-            apart = accelerate(place + moved) - accelerate(place - moved)
-            return np.asarray(apart / (2.0 * times * reach))
+            ahead, behind = np.split(accelerate(np.concatenate([place + moved, place - moved])), 2)
+            return np.asarray((ahead - behind) / (2.0 * times * reach))
 
         def iterate(find: Callable[[FloatArray], FloatArray]) -> tuple[FloatArray, FloatArray]:
             direction = np.tile(np.random.default_rng(0).standard_normal(place.shape[1]), (len(place), 1))
-            for _ in range(ITERATIONS):
+            for _ in range(iterations):
                 before, direction = direction, find(direction)
             return np.linalg.norm(direction, axis=1), before
 

@@ -12,7 +12,7 @@ from tensegrity_codegen.system.errors import NonFiniteError
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.manifest import Manifest
 
-RELATIVE_ATOL = 1e-9  # absolute tolerance over length and speed of the structure
+MIN_RELATIVE_ATOL = 1e-9  # least absolute tolerance over length and speed of the structure, if none is given
 
 
 def find_length(manifest: Manifest) -> float:
@@ -22,28 +22,39 @@ def find_length(manifest: Manifest) -> float:
     return extent if extent > 0.0 and math.isfinite(extent) else 1.0
 
 
+def find_share(options: RunOptions) -> float:
+    """Return the absolute tolerance, where none is given, over length and speed of a motion.
+
+    rtol, at least 1e-9; the latter where nothing estimates what the errors of all steps come to.
+    """
+    return max(options.rtol, MIN_RELATIVE_ATOL) if options.control == "samples" else MIN_RELATIVE_ATOL
+
+
 def set_atol_by_length(manifest: Manifest, options: RunOptions) -> RunOptions:
-    """Return the options with atol: the one given, or 1e-9 times the length of the structure [m].
+    """Return the options with atol: the one given, or a share of the structure's length [m], see find_share.
 
     In coordinates that are angles the length is 1.
     """
+    is_open = options.control == "samples" and (options.method == "auto" or options.atol is None)
     if options.atol is not None:
-        return options
+        return replace(options, is_open=is_open)
     length = 1.0 if find_formulation(manifest.formulation).has_angles else find_length(manifest)
-    return replace(options, atol=RELATIVE_ATOL * length)
+    return replace(options, atol=find_share(options) * length, is_open=is_open)
 
 
 def set_atol_by_motion(motion: Motion, options: RunOptions) -> RunOptions:
-    """Return the options of set_atol_by_length, with 1e-9 times a speed V as the tolerance of velocities.
+    """Return the options of set_atol_by_length, with as much of a speed V as the tolerance of velocities.
 
     V is the largest of the length in a second, the speed at the start, and sqrt(a L): the speed after
-    crossing the length L with the acceleration a of the start.
+    crossing the length L with the acceleration a of the start. It serves the first run, after which the
+    largest speed of that takes its place, see Tolerance.measure.
     """
-    if options.atol is not None:
-        return options
     scaled = set_atol_by_length(motion.model.manifest, options)
+    if options.atol is not None:
+        return scaled
     n_coordinates = len(motion.state) // 2
-    length = scaled.absolute / RELATIVE_ATOL
+    share = find_share(options)
+    length = scaled.absolute / share
     speed = float(np.abs(motion.state[n_coordinates:]).max(initial=0.0))
     try:
         acceleration = motion.model.compute(
@@ -55,11 +66,15 @@ def set_atol_by_motion(motion: Motion, options: RunOptions) -> RunOptions:
         speed = max(speed, math.sqrt(length * float(np.abs(acceleration).max(initial=0.0))))
     except NonFiniteError:  # the integrator reports it
         pass
-    return replace(scaled, atol_speed=RELATIVE_ATOL * max(length, speed))
+    return replace(scaled, atol_speed=share * max(length, speed))
 
 
 def tolerance_of_options(manifest: Manifest, options: RunOptions) -> Tolerance:
     """Return the tolerance of the states of a model from the options of a run."""
-    return tolerance_for(
+    tolerance = tolerance_for(
         manifest, options.rtol, options.absolute, options.atol_speed, length=find_length(manifest)
     )
+    if options.atol_speed is None:
+        return tolerance
+    share = find_share(options)
+    return replace(tolerance, speed_share=share, least_speed=options.atol_speed * MIN_RELATIVE_ATOL / share)

@@ -115,7 +115,7 @@ class Vibration:
     def _move(self, state: FloatArray, stretch: FloatArray, rate: FloatArray) -> None:
         """Move the ends in a state, in place."""
         n = len(state) // 2
-        vector = _vectors(state[:n], self.ends, self.offset)
+        vector = find_vectors(state[:n], self.ends, self.offset)
         direction = vector / np.linalg.norm(vector, axis=1)[:, None]
         for amount, part in ((stretch, state[:n]), (rate, state[n:])):
             for end in (0, 1):
@@ -133,7 +133,7 @@ def find_vibration(motion: Motion, stiff: tuple[int, ...], rates: Rates) -> Vibr
     law = every[members]
     mass = scipy.sparse.csr_array(model.compute("mass_matrix", **arguments))
     ends, offset = find_end_coordinates(model, members), law[:, 3:]
-    vector, moving = _vectors(q, ends, offset), _vectors(v, ends, np.zeros_like(offset))
+    vector, moving = find_vectors(q, ends, offset), find_vectors(v, ends, np.zeros_like(offset))
     length = np.linalg.norm(vector, axis=1)
     direction = vector / length[:, None]
     along, square = np.sum(moving * direction, axis=1), np.sum(moving**2, axis=1)
@@ -145,7 +145,7 @@ def find_vibration(motion: Motion, stiff: tuple[int, ...], rates: Rates) -> Vibr
 
     def pull(q: FloatArray, v: FloatArray, given: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
         force = np.asarray(model.compute("cable_force", coordinate=q, velocity=v, **given))
-        vector, moving = _vectors(q, ends, offset), _vectors(v, ends, 0.0 * offset)
+        vector, moving = find_vectors(q, ends, offset), find_vectors(v, ends, 0.0 * offset)
         return _smooth_pull(mass, ends, force, vector, moving, mobility)
 
     acceleration, tension = pull(q, v, arguments)
@@ -219,7 +219,7 @@ def find_end_coordinates(model: CompiledModel, members: IntArray) -> IntArray:
     return np.array(rows, dtype=np.int64).reshape(len(members), 2, len(manifest.axes))
 
 
-def _vectors(x: FloatArray, ends: IntArray, offset: FloatArray) -> FloatArray:
+def find_vectors(x: FloatArray, ends: IntArray, offset: FloatArray) -> FloatArray:
     """Return what members are by coordinates (or velocities) x, (n, n_axes)."""
     free = np.where(ends >= 0, x[ends], 0.0)
     return np.asarray(free[:, 0] - free[:, 1] + offset)

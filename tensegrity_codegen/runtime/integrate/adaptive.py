@@ -36,6 +36,7 @@ class AdaptiveRun(CRun):
                 hint=f'build it with keep = ["{keep}"]',
             )
         self.options, self.step = options, self.bound.ffi.new("double *", 0.0)
+        self.events.counts.follows_two_errors = options.is_open
         if options.keep:
             self.events.counts.keeps_energy = 1
 

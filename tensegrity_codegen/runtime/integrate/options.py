@@ -29,7 +29,10 @@ class Stepping:
     step : float, optional [s]
         Step of ``"rk4"``; the result is compared with that of twice the step.
     atol : float, optional
-        Absolute tolerance [m and m/s]; by default 1e-9 times the structure's length and speed.
+        Absolute tolerance [m and m/s]; by default `rtol`, but at least 1e-9, times the length of the
+        structure [m] and the largest speed of its nodes in this motion [m/s], as stated in
+        ``Trajectory.evidence`` (``atol``, ``atol_speed``); 1e-9 times the length where `control` is
+        ``"steps"``.
     max_steps : int, optional
         Largest number of steps of one run; by default a million, with `keep` a hundred million.
     keep : str
@@ -73,7 +76,9 @@ class RunOptions:
     method: one of `METHODS`; rtol, atol: tolerances, relative and in coordinates and velocities, None: by the
     scales of the structure (scales.py); atol_speed: of velocities where that is another; step [s]: of
     fixed-step methods; max_steps: that one run may try; keep: "energy" or nothing; control: whether the
-    tolerance bounds the error of "samples" or of "steps".
+    tolerance bounds the error of "samples" or of "steps"; is_open: whether the method or the absolute
+    tolerance are left open, so that runs begin with looser steps, which in explicit methods follow two
+    errors.
     """
 
     method: str = "auto"
@@ -84,6 +89,7 @@ class RunOptions:
     keep: str = ""
     control: str = "samples"
     atol_speed: float | None = None
+    is_open: bool = False
 
     @property
     def absolute(self) -> float:

@@ -1,7 +1,7 @@
 """A compiled model: call its functions by quantity name with NumPy arrays. No CasADi in here."""
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.checks import check_instance, check_path
 from tensegrity_codegen.system.errors import InvalidValueError, LibraryError, UnknownNameError, suggest
 from tensegrity_codegen.system.summaries import Fact, Summarised, count_names
-from tensegrity_codegen.tables.manifest import ArgumentSpec, FunctionSpec, Manifest
+from tensegrity_codegen.tables.manifest import STATUS, ArgumentSpec, FunctionSpec, Manifest
 from tensegrity_codegen.tables.precision import find_precision
 from tensegrity_codegen.tables.quantities import STATE
 
@@ -40,12 +40,37 @@ class CompiledFunction:
         self._sizes = tuple(int(np.prod(shape)) for shape in self._shapes)
         self._size = len(spec.pattern.row) if spec.pattern else int(np.prod(spec.shape))
         self._shape = (self._size,) if spec.pattern else spec.shape or (1,)
-        self.values = self._bind(library)
+        self.values = self._bind(library)  # also sets _call and _pointer
         self._batch = BatchFunction(library, spec, sizes) if library.batch_width else None
 
     def __call__(self, *values: ArrayLike, out: FloatArray | None = None) -> Any:
         """Return the quantity, a float, an array or a csc_array; out: for dense results, or non-zeros."""
         return self.wrap(self.values(values, out))
+
+    def rows(self, rows: Mapping[str, FloatArray], shared: Mapping[str, Any], count: int) -> FloatArray:
+        """Return raw values (count, ...) of so many calls, NAN in the rows that are not finite.
+
+        rows: arguments that change from call to call, (count, ...); shared: those of all calls.
+        """
+        result = np.empty((count, *self._shape), self.dtype)
+        arrays, steps = [], []
+        for index, name in enumerate(self.arguments):
+            is_moving = name in rows
+            array = rows[name] if is_moving else self._convert(index, shared[name])
+            arrays.append(np.ascontiguousarray(array, self.dtype))
+            steps.append(self._sizes[index] if is_moving else 0)
+            if is_moving and array.size != count * self._sizes[index]:
+                allowed = f"shape {(count, *self._shapes[index])}"
+                raise InvalidValueError("wrong shape", where=name, given=array.shape, allowed=allowed)
+        starts, out = [self._pointer(array) for array in arrays], self._pointer(result)
+        for k in range(count):
+            places = [start + k * step for start, step in zip(starts, steps, strict=True)]
+            status = self._call(*places, out + k * self._size)
+            if status:
+                if not STATUS[status].startswith("non_finite"):
+                    raise_for_status(status, self.spec.quantity, {})
+                result[k] = np.nan
+        return result
 
     @property
     def batch(self) -> BatchFunction:
@@ -71,6 +96,7 @@ class CompiledFunction:
         call, empty, shapes, shape = library.symbol(self.spec.symbol), np.empty, self._shapes, self._shape
         real = self.dtype
         pointer = partial(library.ffi.from_buffer, library.ffi.typeof(f"{self.precision.c_type}[]"))
+        self._call, self._pointer = call, pointer
 
         def values(arrays: Sequence[Any], out: FloatArray | None = None) -> FloatArray:
             result = empty(shape, real) if out is None else self._check_out(out, arrays)
@@ -140,6 +166,8 @@ class CompiledModel(Summarised):
         As given, and the loaded library.
     structure : Structure, BodySystem or None
         As given; set in models of compile_scene and build_library, None in a library that was loaded alone.
+    build_twin : callable or None
+        What makes `rigid_twin`; set in models for motions of compile_scene and build_library.
 
     Raises
     ------
@@ -171,10 +199,12 @@ class CompiledModel(Summarised):
             )
         self.path = Path(path)
         self.structure = structure
+        self.build_twin: Callable[[], CompiledModel | None] | None = None
         self.manifest = manifest or Manifest.read(self.path.parent / "manifest.json")
         if precision is not None:
             require_precision(self.manifest, precision, str(self.path))
         self.library = LoadedLibrary(self.path, self.manifest)
+        self._kept: dict[Hashable, Any] = {}
         specs = {argument.name: argument for argument in self.manifest.arguments}
         self._nominal = {
             name: np.array(spec.nominal, dtype=self.dtype).reshape(spec.shape) for name, spec in specs.items()
@@ -183,9 +213,24 @@ class CompiledModel(Summarised):
             spec.quantity: CompiledFunction(self.library, spec, specs) for spec in self.manifest.functions
         }
 
+    def keep(self, key: Hashable, find: Callable[[], Any]) -> Any:
+        """Return what `find` found at the first call with this key: facts that no argument changes."""
+        if key not in self._kept:
+            self._kept[key] = find()
+        return self._kept[key]
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Return path, manifest and structure: the library is loaded again, from the same path."""
-        return _load, (self.path, self.manifest, self.structure)
+        return _load, (self.path, self.manifest, self.structure, self.build_twin)
+
+    @cached_property
+    def rigid_twin(self) -> "CompiledModel | None":
+        """The model of the same structure with corrected rigid bars, built when first asked for.
+
+        None where bars are not stiff, or something else keeps `auto` from choosing it. It has the coordinates
+        and run-time arguments of this one.
+        """
+        return None if self.build_twin is None else self.build_twin()
 
     def headline(self) -> str:
         """Return name, formulation and precision."""
@@ -305,6 +350,35 @@ class CompiledModel(Summarised):
         column = np.repeat(np.arange(pattern.shape[1]), np.diff(pattern.column_start))
         return np.array(pattern.row, dtype=np.int64), column, value
 
+    def compute_rows(
+        self, quantity: str, rows: Mapping[str, FloatArray], shared: Mapping[str, Any], count: int
+    ) -> FloatArray:
+        """Compute a dense quantity for a few states, one call of C after the other, NAN where not finite.
+
+        Parameters
+        ----------
+        quantity : str
+            Name of the quantity.
+        rows : mapping of str to ndarray, shape (count, ...)
+            Arguments that change from state to state.
+        shared : mapping
+            Other arguments that are not the scene's.
+        count : int
+            Number of states.
+
+        Returns
+        -------
+        ndarray, shape (count, ...)
+
+        Raises
+        ------
+        UnknownNameError
+            An unknown quantity.
+        InvalidValueError
+            A wrong shape.
+        """
+        return self.function(quantity).rows(rows, {**self._nominal, **shared}, count)
+
     def compute_batch(
         self, quantity: str, /, *, threads: int = 1, on_error: str = "raise", **arguments: ArrayLike
     ) -> Any:
@@ -350,8 +424,12 @@ class CompiledModel(Summarised):
         return [arguments[name] if name in arguments else nominal[name] for name in function.arguments]
 
 
-def _load(path: Path, manifest: Manifest, structure: Structure | BodySystem | None) -> CompiledModel:
-    return CompiledModel(path, manifest, structure=structure)
+def _load(
+    path: Path, manifest: Manifest, structure: Structure | BodySystem | None, build_twin: Any = None
+) -> CompiledModel:
+    model = CompiledModel(path, manifest, structure=structure)
+    model.build_twin = build_twin
+    return model
 
 
 def require_precision(manifest: Manifest, precision: str, where: str, hint: str = "") -> None:

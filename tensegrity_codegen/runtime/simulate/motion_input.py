@@ -19,7 +19,8 @@ from tensegrity_codegen.runtime.model.arrays import (
     read_names,
     to_array,
 )
-from tensegrity_codegen.runtime.model.interface import Model, require_double, require_model
+from tensegrity_codegen.runtime.model.consistent import make_consistent
+from tensegrity_codegen.runtime.model.interface import require_double, require_model
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.driven import (
     DrivenArguments,
@@ -41,67 +42,14 @@ from tensegrity_codegen.system.errors import (
     describe_reason,
     suggest,
 )
-from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.precision import PRECISIONS
 
-TOLERANCE = 1e-9  # of the largest entry
-MAX_ITERATIONS = 4  # lengths that follow the tension depend on the state that they correct
 MIN_T_END = 1e-150  # [s]: squares of steps are numbers
 MAX_BYTES = 8 * 2**30  # of all arrays of a trajectory
 OF_NODES = {"node_position": "coordinate", "node_velocity": "velocity"}
 HELD_TOLERANCE = 1e-9  # of the largest entry, by which what is held may differ from the scene
-
-
-def make_consistent(
-    model: Model, coordinate: FloatArray, velocity: FloatArray, arguments: Mapping[str, Any]
-) -> tuple[FloatArray, FloatArray]:
-    """Return coordinates and velocities (n_coordinates,) that contradict each other in nothing.
-
-    Those given, where a model has no constraints between its coordinates or they keep them. Where rigid bars
-    stand for stiff ones, whose lengths are not exactly what the model keeps them at, the nearest state.
-    Raises InvalidValueError for any other contradiction.
-    """
-    if not model.has("consistent_coordinate"):
-        return coordinate, velocity
-    state = {"coordinate": coordinate, "velocity": velocity}
-    for _ in range(MAX_ITERATIONS):
-        corrected = dict(state)
-        for name in corrected:
-            corrected[name] = model.compute(f"consistent_{name}", **{**arguments, **corrected})
-            if not _stands_for_stiff_bars(model, arguments):
-                _check(model, name, state[name], corrected[name])
-        if not _stands_for_stiff_bars(model, arguments):
-            return coordinate, velocity
-        state = corrected
-    return state["coordinate"], state["velocity"]
-
-
-def _stands_for_stiff_bars(model: Model, arguments: Mapping[str, Any]) -> bool:
-    return model.has("rigidity_error") and bool(np.any(model.compute("rigidity_error", **arguments)))
-
-
-def _check(model: Model, name: str, given: FloatArray, consistent: FloatArray) -> None:
-    difference = np.abs(consistent - given)
-    worst = int(np.argmax(difference))
-    if difference[worst] <= TOLERANCE * np.max(np.abs(given[~model.manifest.is_centre]), initial=0.0):
-        return
-    rigid = find_formulation(model.manifest.formulation).has_rigid_bars
-    why = (
-        "it changes the length of a rigid bar"
-        if rigid
-        else "the differences around a cycle do not add up to zero"
-    )
-    raise InvalidValueError(
-        f"the initial {name} violates the constraints: {why}",
-        where=f"simulate: {model.manifest.coordinate_name[worst]}",
-        given=float(given[worst]),
-        allowed=f"{consistent[worst]:.9g}, in the nearest consistent state",
-        hint="start from a motion that does not change the length of rigid bars"
-        if rigid
-        else "start from differences of node positions",
-    )
 
 
 def check_sample_memory(manifest: Manifest, samples: int) -> None:

@@ -274,4 +274,4 @@ def simulate(
     raw, events = ending.integrate(replace(motion, progress=follow, watch=watch), options)
     if progress is not None:
         progress(1.0)
-    return replace(evaluate_trajectory(model, raw, motion.arguments, motion.schedule), events=events)
+    return evaluate_trajectory(model, raw, motion.arguments, motion.schedule, events)

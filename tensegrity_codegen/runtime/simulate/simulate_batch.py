@@ -25,6 +25,7 @@ from tensegrity_codegen.runtime.integrate.options import (
 from tensegrity_codegen.runtime.integrate.raw_results import NOT_ESTIMATED, RawBatch
 from tensegrity_codegen.runtime.model.arguments import check_arguments, merge_inputs
 from tensegrity_codegen.runtime.model.arrays import agree_on_rows, to_batch
+from tensegrity_codegen.runtime.model.consistent import make_consistent
 from tensegrity_codegen.runtime.model.interface import require_model
 from tensegrity_codegen.runtime.model.library import check_threads
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -32,7 +33,6 @@ from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.simulate.motion_input import (
     check_profiles,
     check_sample_memory,
-    make_consistent,
 )
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.evaluate import evaluate_batch, select_motion

@@ -22,7 +22,12 @@ from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import judge_charts, place_nodes, place_velocities
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import CONTACT_QUANTITIES
-from tensegrity_codegen.runtime.trajectory.trajectory import BatchTrajectory, ContactSamples, Trajectory
+from tensegrity_codegen.runtime.trajectory.trajectory import (
+    BatchTrajectory,
+    ContactSamples,
+    MotionEvent,
+    Trajectory,
+)
 from tensegrity_codegen.structure.ground import ENERGY_STATES
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
@@ -101,7 +106,11 @@ def find_energy_flow(
 
 
 def evaluate_trajectory(
-    model: Model, raw: RawTrajectory, arguments: Mapping[str, Any], schedule: Schedule | None = None
+    model: Model,
+    raw: RawTrajectory,
+    arguments: Mapping[str, Any],
+    schedule: Schedule | None = None,
+    events: tuple[MotionEvent, ...] = (),
 ) -> Trajectory:
     """Return the trajectory with tensions and energies, its status corrected by the energy balance."""
     # The motion as a batch of one.
@@ -119,48 +128,51 @@ def evaluate_trajectory(
         internal=None if raw.internal is None else raw.internal[None],
     )
     samples = _Samples(model, batch, {name: (value, False) for name, value in arguments.items()}, schedule)
-    trajectory = samples.evaluate(raw)[0]
-    if not len(trajectory.time):
+    motions = samples.evaluate(raw)
+    count = int(motions.n_reached[0])
+    if not count:
         for name in COLUMNS:
             model.compute(name, **samples.sample(0, 0))
     # Arguments at the samples.
-    values = [{**arguments, **(schedule(float(time)) if schedule else {})} for time in trajectory.time]
+    times = motions.time[:count]
+    values = [{**arguments, **(schedule(float(time)) if schedule else {})} for time in times]
     inputs = None
     if any(argument.name == INPUT for argument in model.manifest.arguments):
         rows = [np.reshape(sample_values.get(INPUT, model.nominal(INPUT)), -1) for sample_values in values]
         inputs = np.array(rows, dtype=np.float64)
-    return replace(
-        trajectory,
+    return motions.motion(
+        0,
         error_estimate=raw.error_estimate,
         log=raw.log,
         evidence=raw.evidence,
         why_method=raw.why,
+        events=events,
         input=inputs,
         input_name=model.manifest.input_name,
         node_load=apply_loads(model, *values),
-        contacts=_find_contacts(samples, trajectory, values),
-        columns=None if raw.columns is None else raw.columns[: len(trajectory.time)],
+        contacts=_find_contacts(samples, motions, values),
+        columns=None if raw.columns is None else raw.columns[:count],
         column_name=() if raw.columns is None else model.manifest.column_name,
     )
 
 
 def _find_contacts(
-    samples: "_Samples", motion: Trajectory, values: Sequence[Mapping[str, Any]]
+    samples: "_Samples", motions: BatchTrajectory, values: Sequence[Mapping[str, Any]]
 ) -> ContactSamples | None:
     """Return the contacts at the samples of a motion, given its arguments; None if nothing tells."""
     manifest = samples.model.manifest
     if not manifest.contact_name or not all(samples.model.has(name) for name in CONTACT_QUANTITIES):
         return None
-    count = len(motion.time)
+    count = int(motions.n_reached[0])
     force, depth = (samples.compute(name)[0, :count] for name in CONTACT_QUANTITIES)
     forces = np.zeros((*force.shape[:2], 3))
     forces[..., list(manifest.axes)] = force
     nodes = [manifest.node_name.index(name) for name in manifest.contact_name]
     grounds = [apply_ground(samples.model, sample_values) for sample_values in values]
     return ContactSamples(
-        motion.time,
+        motions.time[:count],
         manifest.contact_name,
-        motion.node_position[:, nodes],
+        motions.node_position[0, :count, nodes].swapaxes(0, 1),
         forces,
         depth.reshape(count, -1),
         np.array([0.0 if ground is None else ground.friction for ground in grounds]),
@@ -233,6 +245,12 @@ class _Samples:
 
     def compute(self, quantity: str) -> FloatArray:
         """Return a quantity at all samples, (n_batch, n_t, ...), NAN if it is not finite."""
+        if not self.threads and isinstance(self.model, CompiledModel):
+            rows, count = self._rows, int(self.raw.n_reached[0])
+            found = self.model.compute_rows(quantity, rows, select_motion(self.arguments, 0), count)
+            found = found.reshape(1, count, *self.model.function(quantity).spec.shape)
+            missing = np.full((1, self.shape[1] - count, *found.shape[2:]), np.nan)
+            return np.concatenate([found, missing], axis=1) if missing.size else found
         spec = next(function for function in self.model.manifest.functions if function.quantity == quantity)
         if not self.threads:
             values = np.full((*self.shape, *spec.shape), np.nan)
@@ -258,6 +276,20 @@ class _Samples:
         values, _ = self.model.compute_batch(quantity, threads=self.threads, on_error="status", **batch)
         return self._mask(values.reshape(*self.shape, *spec.shape))
 
+    @property
+    def _rows(self) -> dict[str, FloatArray]:
+        """What changes from sample to sample of the only motion, (n_reached, ...) each."""
+        reached = slice(0, int(self.raw.n_reached[0]))
+        rows = {"coordinate": self.coordinate[0, reached], "velocity": self.velocity[0, reached]}
+        if self.raw.internal is not None:
+            rows["internal"] = self.raw.internal[0, reached]
+        if self.schedule:
+            changed = [self.schedule(float(time)) for time in self.raw.time[reached]]
+            rows |= {
+                name: np.array([values[name] for values in changed], dtype=np.float64) for name in changed[0]
+            }
+        return rows
+
     def sample(self, k: int, row: int) -> dict[str, Any]:
         """Return the arguments of a function at one sample of motion k."""
         n, state = self.coordinate.shape[2], self.raw.state[k, row]
@@ -272,11 +304,15 @@ class _Samples:
 
     def _mask(self, values: FloatArray) -> FloatArray:
         """Return values (n_batch, n_t, ...) with NAN if there is no sample."""
+        if self.is_there.all():
+            return values
         rows = self.is_there.reshape(*self.shape, *(1,) * (values.ndim - 2))
         return np.where(rows, values, np.nan)
 
     def _drop_overflown(self, columns: Mapping[str, FloatArray]) -> None:
         """End runs before the first sample whose tensions or energies overflow and are not finite."""
+        if self.is_there.all() and all(np.isfinite(values).all() for values in columns.values()):
+            return
         raw, n_t = self.raw, self.shape[1]
         is_good = np.all(
             [np.isfinite(v).reshape(*self.shape, -1).all(axis=2) for v in columns.values()], axis=0
@@ -330,8 +366,10 @@ class _Samples:
 
     def _find_work(self) -> FloatArray | None:
         """Return the work that changed the energy by each sample, (n_batch, n_t) [J]; None if unknown."""
+        if self.raw.internal is None:
+            return None
         is_energy = np.isin(self.model.manifest.internal_name, ENERGY_STATES)
-        if self.raw.internal is None or not is_energy.any():
+        if not is_energy.any():
             return None
         work: FloatArray = self.raw.internal[..., is_energy].sum(axis=-1)
         return self._mask(work - work[:, :1])

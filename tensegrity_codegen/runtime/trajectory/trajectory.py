@@ -136,7 +136,8 @@ class Trajectory(Sampled):
     log : EventLog
         Events at which steps ended, such as cables that went slack or taut.
     evidence : mapping of str to float
-        Counts and error bounds of the method; `stopped_at` [s]: where a run stopped short of its end.
+        Counts and error bounds of the method; `stopped_at` [s]: where a run stopped short of its end; `atol`
+        [m], `atol_speed` [m/s]: the absolute tolerances that the estimated error keeps to.
     node_name, member_name : tuple of str
         Names.
     input : ndarray or None, shape (n_t, n_inputs) [m, N or N m]
@@ -332,13 +333,17 @@ class BatchTrajectory(Sampled):
         return (self[k] for k in range(len(self)))
 
     def __getitem__(self, k: int) -> Trajectory:
+        estimate = float(self.error_estimate[k])
+        return self.motion(k, error_estimate=None if np.isnan(estimate) else estimate)
+
+    def motion(self, k: int, **besides: Any) -> Trajectory:
+        """Return motion k with what a batch does not have of it."""
         reached = slice(0, int(self.n_reached[k]))
-        drift, estimate = float(self.energy_drift[k]), float(self.error_estimate[k])
+        drift = float(self.energy_drift[k])
         return Trajectory(
             time=self.time[reached],
             **{name: getattr(self, name)[k, reached] for name in (*STATE, *SAMPLED)},
             energy_drift=None if np.isnan(drift) else drift,
-            error_estimate=None if np.isnan(estimate) else estimate,
             status=self.status[k],
             message=self.message[k],
             method=self.method,
@@ -350,6 +355,7 @@ class BatchTrajectory(Sampled):
             structure=self.structure,
             internal=None if self.internal is None else self.internal[k, reached],
             internal_name=self.internal_name,
+            **besides,
         )
 
     def headline(self) -> str:

@@ -20,8 +20,8 @@ from tensegrity_codegen.runtime.accuracy.integrate import integrate
 from tensegrity_codegen.runtime.integrate.motion import Motion, Progress
 from tensegrity_codegen.runtime.integrate.options import RunOptions, check_options
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
+from tensegrity_codegen.runtime.model.consistent import make_consistent
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.simulate.motion_input import make_consistent
 from tensegrity_codegen.runtime.trajectory.evaluate import evaluate_trajectory
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory

@@ -25,6 +25,7 @@ from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.print.render import template_folder
 from tensegrity_codegen.pipeline.build_library import MANY_CALLS, BuiltLibrary, build_library
 from tensegrity_codegen.pipeline.compile_source import compile_source
+from tensegrity_codegen.pipeline.rigid_twin import request_rigid_twin
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweeps.apply.mapper import CaseGroup
@@ -36,6 +37,7 @@ from tensegrity_codegen.system.extras import CLUSTER, import_extra
 from tensegrity_codegen.system.forked import count_workers
 from tensegrity_codegen.system.version import VERSION
 from tensegrity_codegen.tables.manifest import Manifest
+from tensegrity_codegen.tables.request import ModelRequest
 from tensegrity_codegen.tables.targets import find_target
 
 PORT = "8786"  # of a Dask scheduler, where an address has none
@@ -195,7 +197,8 @@ class SourceParcel:
     """Generated source of one library.
 
     library: the library as this machine compiled it, for machines of the same kind without a compiler;
-    empty with native flags, since it may hold instructions that another processor lacks.
+    empty with native flags, since it may hold instructions that another processor lacks; twin: that of the
+    model's `rigid_twin`.
     """
 
     hash: str  # hash of the source and of how it is compiled
@@ -205,6 +208,7 @@ class SourceParcel:
     library: bytes
     library_name: str  # name of its file
     platform: str  # system and architecture of `library`
+    twin: "SourceParcel | None" = None
 
 
 def make_parcel(built: BuiltLibrary, flags: str) -> SourceParcel:
@@ -257,7 +261,10 @@ def load_parcel(parcel: SourceParcel, structure: Subject, cache: Cache | None = 
             matches=matches,
         )
     assert entry.library is not None
-    return CompiledModel(entry.library, manifest, structure=structure)
+    model = CompiledModel(entry.library, manifest, structure=structure)
+    if parcel.twin is not None:
+        model.build_twin = functools.partial(load_parcel, parcel.twin, structure, cache)
+    return model
 
 
 def _store_library(parcel: SourceParcel, cache: Cache) -> CacheEntry:
@@ -348,9 +355,16 @@ class _Cluster:
         if number not in self.sources:
             group = self.work.plan.groups[number]
             request = library_request(group, self.work.operation)
-            built = build_library(group.structure, request, calls=MANY_CALLS)
-            self.sources[number] = self._send(make_parcel(built, request.flags))
+            parcel = self._pack(group, request)
+            beside = request_rigid_twin(group.structure, request)
+            twin = None if beside is None else self._pack(group, beside)
+            self.sources[number] = self._send(replace(parcel, twin=twin))
         return self.sources[number]
+
+    def _pack(self, group: CaseGroup, request: ModelRequest) -> SourceParcel:
+        """Return the source of the library of a request."""
+        built = build_library(group.structure, request, calls=MANY_CALLS)
+        return make_parcel(built, request.flags)
 
 
 def _lost(problem: str) -> ClusterError:

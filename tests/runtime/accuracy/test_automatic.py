@@ -152,7 +152,7 @@ def test_what_a_library_shall_hold_follows_from_stiffness_damping_and_tolerance(
     soft, stiff = prism(bar_stiffness=5e3), prism(bar_stiffness=1e6)
     assert integrators_for("auto", soft, "node_position", 1e-6) == ("rk853",)
     assert integrators_for("auto", stiff, "node_position", 1e-6) == ("rk853", "radau")
-    assert integrators_for("auto", stiff, "node_position", 1e-2) == ("rk54", "radau")
+    assert integrators_for("auto", stiff, "node_position", 1e-2) == ("rk853", "radau")
     assert integrators_for("auto", stiff, "node_distance", 1e-6) == ("rk853",)
     damped = soft.with_changes(damping=np.where(soft.tension_only, 1.0, 0.0))
     assert integrators_for("auto", damped, "node_position", 1e-6) == ("rk54",)
@@ -170,7 +170,7 @@ def test_a_library_without_error_control_says_how_to_get_it() -> None:
 
 def test_a_structure_far_from_the_origin_is_told_the_cure() -> None:
     structure = prism(140.0, bar_stiffness=1e5)
-    far = structure.with_changes(node_position=structure.node_position + 1e9)
+    far = structure.with_changes(node_position=structure.node_position + 1e11)
     model = simulator(far, "rk853")
     found = simulate(model, 1.0, samples=3, stepping=Stepping(max_steps=20_000))
     assert found.status == "not_converged"

@@ -9,7 +9,7 @@ import pytest
 
 from tensegrity_codegen.runtime.accuracy.error_control import tighten_until_converged
 from tensegrity_codegen.runtime.accuracy.scales import set_atol_by_length
-from tensegrity_codegen.runtime.accuracy.tolerance import Tolerance, compare_runs
+from tensegrity_codegen.runtime.accuracy.tolerance import Tolerance, compare_runs, tolerance_for
 from tensegrity_codegen.runtime.integrate.event_log import EventLog
 from tensegrity_codegen.runtime.integrate.options import RunOptions, Stepping
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
@@ -146,7 +146,7 @@ def test_a_motion_after_one_event_states_the_error_that_both_runs_share() -> Non
         "method": "rk853",
     }
     rtol = 9.692426169575759e-06
-    found = simulate(model, 0.3740595698921596, rtol=rtol, **given)
+    found = simulate(model, 0.3740595698921596, rtol=rtol, stepping=Stepping(atol=2e-9), **given)
     exact = simulate(model, 0.3740595698921596, rtol=1e-12, stepping=Stepping(control="steps"), **given)
     off = np.linalg.norm(found.velocity - exact.velocity, axis=1)
     off /= 2e-9 + rtol * np.linalg.norm(exact.velocity, axis=1)
@@ -255,7 +255,9 @@ def test_two_loose_runs_that_lose_the_same_vibration_are_not_ok() -> None:
 
 @each
 def test_a_structure_a_hundred_times_as_large_takes_the_same_steps(model: CompiledModel, method: str) -> None:
-    small, large = (simulate(model, 0.3, method=method, **moved(model, 0.0, size=s)) for s in (1.0, 100.0))
+    small, large = (
+        simulate(model, 0.3, method=method, rtol=1e-9, **moved(model, 0.0, size=s)) for s in (1.0, 100.0)
+    )
     assert large.status == small.status == "ok"
     apart = np.abs(large.velocity / 100.0 - small.velocity).max()
     assert apart < 1e-8 * np.abs(small.velocity).max() + 1e-9
@@ -263,5 +265,29 @@ def test_a_structure_a_hundred_times_as_large_takes_the_same_steps(model: Compil
 
 def test_an_absolute_tolerance_that_is_given_is_kept(model: CompiledModel) -> None:
     assert set_atol_by_length(model.manifest, RunOptions(atol=1e-5)).atol == 1e-5
-    usual = set_atol_by_length(model.manifest, RunOptions()).absolute
-    assert usual == pytest.approx(1e-9 * np.ptp(model.manifest.stated_position, axis=0).max())
+    size = np.ptp(model.manifest.stated_position, axis=0).max()
+    assert set_atol_by_length(model.manifest, RunOptions(rtol=1e-4)).absolute == pytest.approx(1e-4 * size)
+    assert set_atol_by_length(model.manifest, RunOptions(rtol=1e-12)).absolute == pytest.approx(1e-9 * size)
+    of_steps = set_atol_by_length(model.manifest, RunOptions(rtol=1e-4, control="steps"))
+    assert of_steps.absolute == pytest.approx(1e-9 * size)
+
+
+def test_the_tolerance_of_velocities_follows_the_largest_speed(model: CompiledModel) -> None:
+    found = simulate(model, 0.3, rtol=1e-4)
+    size = np.ptp(model.manifest.stated_position, axis=0).max()
+    assert found.evidence["atol"] == pytest.approx(1e-4 * size)
+    speed = np.linalg.norm(found.node_velocity, axis=2).max()
+    assert found.evidence["atol_speed"] == pytest.approx(1e-4 * speed, rel=1e-2)
+    stated = simulate(model, 0.3, rtol=1e-4, stepping=Stepping(atol=1e-7))
+    assert (stated.evidence["atol"], stated.evidence["atol_speed"]) == (1e-7, 1e-7)
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-6, 1e-8])
+def test_errors_are_not_far_below_what_was_asked_for(model: CompiledModel, rtol: float) -> None:
+    exact = simulate(model, 0.3, rtol=1e-12, method="rk853", stepping=Stepping(atol=1e-12))
+    found = simulate(model, 0.3, rtol=rtol)
+    tolerance = tolerance_for(model.manifest, rtol, found.evidence["atol"], found.evidence["atol_speed"])
+    exactly = np.hstack([exact.coordinate, exact.velocity])
+    apart = tolerance.lengths(np.hstack([found.coordinate, found.velocity]) - exactly)
+    true = float((apart / tolerance.allowed(exactly)).max())
+    assert 1e-5 < true < 2.0 * found.error_estimate <= 2.0

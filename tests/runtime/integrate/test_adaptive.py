@@ -1,6 +1,7 @@
 """Runge-Kutta with error control in C, 5(4) and 8(5,3): order, error control, kinks, and when it gives up."""
 
 import functools
+import re
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.tables.manifest import STATUS
 from tests.models import load, simulator, start_of
-from tests.runtime.build import bar, cable, make_structure
+from tests.runtime.build import bar, cable, make_structure, prism
 from tests.runtime.integrate import nets
 
 METHODS = ("rk54", "rk853")
@@ -261,3 +262,17 @@ def test_c_refuses_to_go_back_in_time(method: str) -> None:
     step[0] = 0.0
     bound.ffi.memmove(count, bound.ffi.new("long long[16]"), 128)
     assert (call(0.7), time[0]) == ("ok", 0.7)
+
+
+@each
+def test_steps_by_two_errors_are_rejected_less_often(method: str) -> None:
+    """Where stability limits steps, each grows until one fails, if it follows the last error alone."""
+    model = simulator(prism(140.0, bar_stiffness=1e5), method)
+    motion = Motion(model, start_of(model), np.array([0.0, 0.5]))
+    rejected = []
+    for is_open in (False, True):
+        found = integrate_adaptive(motion, RunOptions(method, 1e-4, 1e-5, is_open=is_open))
+        accepted, failed = (int(word) for word in re.findall(r"(\d+) (?:steps|rejected)", found.message))
+        assert found.n_steps == accepted
+        rejected.append(failed / accepted)
+    assert rejected[0] > max(0.1, 3.0 * rejected[1])

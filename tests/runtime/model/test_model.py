@@ -198,3 +198,27 @@ def test_a_function_outlives_its_model(model: CompiledModel) -> None:
     gc.collect()
     arguments = [model.nominal(name) for name in function.arguments]
     assert function(*arguments) == model.compute("total_energy")
+
+
+# --- a few states, one after the other ---------------------------------------------------------------
+
+
+def test_rows_are_those_of_single_calls_and_what_is_not_finite_is_nan(model: CompiledModel) -> None:
+    places = model.nominal("coordinate") + 0.01 * np.arange(4.0)[:, None]
+    places[2] = np.nan
+    rows = model.compute_rows("member_tension", {"coordinate": places}, {}, len(places))
+    for k in (0, 1, 3):
+        np.testing.assert_array_equal(rows[k], model.compute("member_tension", coordinate=places[k]))
+    assert np.isnan(rows[2]).all()
+    assert model.compute_rows("total_energy", {"coordinate": places[:0]}, {}, 0).shape == (0, 1)
+
+
+def test_rows_of_another_size_are_refused(model: CompiledModel) -> None:
+    with pytest.raises(InvalidValueError, match="wrong shape"):
+        model.compute_rows("member_tension", {"coordinate": np.zeros((3, 2))}, {}, 3)
+
+
+def test_facts_are_found_once(model: CompiledModel) -> None:
+    found = [model.keep("a test", lambda: object()) for _ in range(2)]
+    assert found[0] is found[1]
+    assert model.keep("another test", lambda: 1) == 1

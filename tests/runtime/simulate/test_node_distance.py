@@ -172,7 +172,7 @@ def test_events_of_a_free_net_are_as_sharp_however_far_from_the_origin() -> None
     runs = []
     for offset in (0.0, 1e9):
         model = build(net(offset, is_free=True), "node_distance")
-        runs.append(simulate(model, 1.0, samples=11, method="rk54", rtol=1e-8))
+        runs.append(simulate(model, 1.0, samples=11, method="rk54", rtol=1e-8, stepping=Stepping(atol=1e-9)))
     assert runs[1].status == "ok"
     apart = ~model.manifest.is_centre
     assert apart.sum() == len(apart) - 3

@@ -64,5 +64,18 @@ def test_without_a_compiler_only_a_portable_library_is_used(
         load_parcel(replace(sent, platform="plan9 mips"), structure, cache)
 
 
+def test_the_second_model_of_stiff_bars_comes_along(built: BuiltLibrary, tmp_path: Path) -> None:
+    structure, parcel, cache = (
+        built.structure,
+        make_parcel(built, _flags_of(built)),
+        Cache(tmp_path / "cache"),
+    )
+    assert structure is not None
+    assert load_parcel(parcel, structure, cache).rigid_twin is None
+    model = load_parcel(pickle.loads(pickle.dumps(replace(parcel, twin=parcel))), structure, cache)
+    assert model.rigid_twin is not None
+    assert model.rigid_twin.library.path == model.library.path
+
+
 def _flags_of(built: BuiltLibrary) -> str:
     return "native" if "native" in built.flags else "reference"
