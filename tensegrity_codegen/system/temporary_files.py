@@ -129,6 +129,8 @@ def _is_in_use(item: os.DirEntry[str], process: int) -> bool:
         return False
     except (OSError, OverflowError):
         return True
+    with suppress(OSError, IndexError):  # killed, and its parent has not asked for its end yet
+        return Path(f"/proc/{process}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0] != "Z"
     return True
 
 
