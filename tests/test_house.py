@@ -225,7 +225,7 @@ MAX_LINES = {
     "live": 1_300,
     "pipeline": 3_750,
     "report": 5_450,
-    "runtime": 21_300,
+    "runtime": 21_350,
     "scene": 11_750,
     "structure": 3_350,
     "studies": 7_900,

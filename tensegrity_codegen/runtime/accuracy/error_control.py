@@ -106,7 +106,8 @@ class Checks:
     rounds. min_counted: the part of a difference that counts at least, for methods that pass over kinks.
     least_error: estimate over the tolerance below which none is stated. max_shrink: factor by which a round
     tightens the steps at least. rounding: what it makes of velocities. is_open: whether the first run may
-    have looser steps than the samples ask for. counts_speeds: whether amounts of velocities count as those of
+    have looser steps than the samples ask for. find_first:
+    tolerance -> that of its steps over it. counts_speeds: whether amounts of velocities count as those of
     positions.
     """
 
@@ -121,6 +122,7 @@ class Checks:
     max_shrink: float = MAX_SHRINK
     rounding: Rounding | None = None
     is_open: bool = False
+    find_first: Callable[[Tolerance], float] | None = None
     counts_speeds: bool = False
 
 
@@ -152,6 +154,7 @@ class _Rounds:
         self.rtol, self.atol = tolerance.rtol, min(tolerance.atol, tolerance.atol_speed)
         self.least = checks.least_atol
         self.factor, self.error, self.where = 1.0, np.inf, ""
+        self.second = SECOND_FACTOR  # factor of the second run, at most
         self.excess = 0.0  # error by vibrations that the steps of the last run lose, if it went on growing
         self.vibration = 0.0  # part of the tolerance that vibrations take which steps leave out
         self.tightened, self.difference = MAX_SHRINK, np.inf  # tightening and difference of the round before
@@ -160,7 +163,7 @@ class _Rounds:
     def result(self) -> RawTrajectory:
         """Return the first run that meets the tolerance, or the last one with what is wrong with it."""
         if self.checks.is_open:
-            self.factor = min(FIRST_FACTOR, LOOSE_RTOL / self.rtol)
+            self.factor = self._find_first_factor()
         self.previous = self._try(self.rtol * self.factor, self.atol * self.factor)
         if self.previous.status != "ok" and self.factor > 1.0:
             self.factor = 1.0
@@ -168,6 +171,7 @@ class _Rounds:
         if self.previous.status == "ok":
             self.tolerance = self.tolerance.measure(self.previous.state)
             self.atol = min(self.atol, self.tolerance.atol_speed)
+            self.second = min(SECOND_FACTOR, self._find_first_factor())
         if self.checks.find_least_atol is not None and self.previous.status == "ok":
             self.least = max(self.least, self.checks.find_least_atol(self.previous))
         most = MAX_ROUNDS + self.checks.is_open
@@ -217,6 +221,11 @@ class _Rounds:
             self.previous = self._try(10.0 * self.rtol * self.factor, before)
         return self._judge(finer, before, shrink)
 
+    def _find_first_factor(self) -> float:
+        """Return the factor of the first run, as far as the tolerance is known."""
+        find = self.checks.find_first
+        return min(FIRST_FACTOR if find is None else find(self.tolerance), LOOSE_RTOL / self.rtol)
+
     def _next_shrink(self) -> float:
         """Return the factor by which the next run is tighter."""
         if self.atol * self.factor <= self.least:  # rounding is near
@@ -224,7 +233,7 @@ class _Rounds:
         least = MIN_FACTOR_WITH_VIBRATION if self.vibration > 1.0 else 1e-3
         most = self.checks.max_shrink
         error = max(self.error, self.excess)
-        wanted = 0.3 / error if 0.0 < error < np.inf else SECOND_FACTOR / self.factor
+        wanted = 0.3 / error if 0.0 < error < np.inf else self.second / self.factor
         shrink = float(np.clip(wanted, least, most))
         return min(most, max(shrink, self.checks.least_rtol / (self.rtol * self.factor)))
 

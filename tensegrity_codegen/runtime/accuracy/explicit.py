@@ -8,13 +8,14 @@ compared with it. How large it is shows in a short run with tight steps from the
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 
 import numpy as np
 
 from tensegrity_codegen.runtime.accuracy.damped_vibration import find_min_counted
 from tensegrity_codegen.runtime.accuracy.error_control import (
+    FIRST_FACTOR,
     LEAST_ERROR_WITH_SWITCHES,
     MAX_SHRINK,
     MAX_SHRINK_WITH_SWITCHES,
@@ -55,6 +56,8 @@ NEGLIGIBLE_LOSS = 0.01  # change of the whole vibration, from which on two runs 
 FIRST_STEP_OVER_JUMPS, STEP_AFTER_STEP = 0.05, 0.4
 # Two such runs err alike at a jump by chance: what counts of their difference, and the least estimate stated.
 MIN_COUNTED_OVER_JUMPS, LEAST_ERROR_OVER_JUMPS = 4.0, 0.1
+# Vibrations from which on they decide how tight steps are, and the tolerance of the first steps times these.
+MANY_RADIANS, SHARE_OF_ALL_STEPS = 300.0, 30.0
 LOSS_SAFETY = 3.0  # times that change: steps are not all of the same length
 # The short run: radians of the fastest vibration between its samples, their number, and its tolerance.
 # There, where method or tolerance are left open: order of the differences that show vibrations, and what they
@@ -125,6 +128,7 @@ def integrate_explicit_to_samples(
             vibration=None if left_out is None else left_out.find,
             counts_speeds=left_out is not None,
             is_open=options.is_open,
+            find_first=lost.find_first_factor if left_out is None and options.is_open else None,
         )
         return tighten_until_converged(
             lambda rtol, atol: integrate_adaptive(motion, options.within(rtol, atol)), tolerance, checks
@@ -215,7 +219,7 @@ class _LostVibration:
     """What runs of a motion lose.
 
     find_bound, find_frequency: return a bound of the fastest frequency, and this itself [rad/s]; integrate:
-    does one run; like: name of the integrator whose steps lose as much.
+    does one run; like: name of the integrator whose steps lose as much; found: speeds by frequency.
     """
 
     motion: Motion
@@ -224,6 +228,20 @@ class _LostVibration:
     find_frequency: Callable[[], float]
     integrate: Callable[[Motion, RunOptions], RawTrajectory]
     like: str
+    found: dict[float, FloatArray] = field(default_factory=dict)
+
+    def find_first_factor(self, tolerance: Tolerance) -> float:
+        """Return the tolerance of the first run's steps over that of the samples.
+
+        Vibrations larger than the tolerance have to be followed: the errors of all N steps add up.
+        """
+        frequency, last = self.find_bound(), self.motion.t_end
+        if frequency * last < MANY_RADIANS:
+            return FIRST_FACTOR
+        allowed = tolerance.allowed(self.motion.state[None])[0, len(tolerance.first) :]
+        if not (self._keep_amplitude(frequency, last, tolerance) > allowed).any():
+            return FIRST_FACTOR
+        return min(FIRST_FACTOR, SHARE_OF_ALL_STEPS / (frequency * last))
 
     def estimate(self, run: RawTrajectory, tolerance: Tolerance) -> tuple[float, float]:
         """Return the error over the tolerance by vibrations that a run has lost, 0 where it shows them.
@@ -238,10 +256,16 @@ class _LostVibration:
             if changed <= NEGLIGIBLE_LOSS:
                 return 0.0, 0.0
         lost = min(2.0, LOSS_SAFETY * changed)
-        speed = lost * self._find_amplitude(frequency, last, tolerance)
+        speed = lost * self._keep_amplitude(frequency, last, tolerance)
         allowed = tolerance.allowed(run.state[1:])
         error = float(np.max(np.concatenate([speed / frequency, speed]) / allowed, initial=0.0))
         return error, error * LOSS_SAFETY * changed / lost
+
+    def _keep_amplitude(self, frequency: float, last: float, tolerance: Tolerance) -> FloatArray:
+        """Return what _find_amplitude finds, once for each frequency."""
+        if frequency not in self.found:
+            self.found[frequency] = self._find_amplitude(frequency, last, tolerance)
+        return self.found[frequency]
 
     def _find_amplitude(self, frequency: float, last: float, tolerance: Tolerance) -> FloatArray:
         """Return the speed [m/s] with which each node vibrates at the start, (n_groups,)."""
