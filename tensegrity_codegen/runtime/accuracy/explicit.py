@@ -57,7 +57,7 @@ FIRST_STEP_OVER_JUMPS, STEP_AFTER_STEP = 0.05, 0.4
 # Two such runs err alike at a jump by chance: what counts of their difference, and the least estimate stated.
 MIN_COUNTED_OVER_JUMPS, LEAST_ERROR_OVER_JUMPS = 4.0, 0.1
 # Vibrations from which on they decide how tight steps are, and the tolerance of the first steps times these.
-MANY_RADIANS, SHARE_OF_ALL_STEPS = 300.0, 30.0
+MANY_RADIANS, SHARE_OF_ALL_STEPS = 300.0, 15.0
 LOSS_SAFETY = 3.0  # times that change: steps are not all of the same length
 # The short run: radians of the fastest vibration between its samples, their number, and its tolerance.
 # There, where method or tolerance are left open: order of the differences that show vibrations, and what they
