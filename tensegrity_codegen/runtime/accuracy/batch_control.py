@@ -16,13 +16,7 @@ from tensegrity_codegen.runtime.accuracy.explicit import (
 )
 from tensegrity_codegen.runtime.accuracy.integrate import integrate
 from tensegrity_codegen.runtime.accuracy.rates import find_fastest_of_batch
-from tensegrity_codegen.runtime.accuracy.scales import (
-    MIN_RELATIVE_ATOL,
-    find_length,
-    find_share,
-    set_atol_by_length,
-    tolerance_of_options,
-)
+from tensegrity_codegen.runtime.accuracy.scales import set_atol_by_length, tolerance_of_options
 from tensegrity_codegen.runtime.accuracy.tolerance import BLOCK_SIZE, Tolerance
 from tensegrity_codegen.runtime.integrate.batch_integration import integrate_batch
 from tensegrity_codegen.runtime.integrate.motion import Motion
@@ -44,9 +38,6 @@ def integrate_batch_to_samples(motion: Motion, options: RunOptions, threads: int
     """
     limits = set_atol_by_length(motion.model.manifest, options)
     tolerance = tolerance_of_options(motion.model.manifest, limits)
-    if options.atol is None:
-        least = MIN_RELATIVE_ATOL * find_length(motion.model.manifest)
-        tolerance = replace(tolerance, speed_share=find_share(limits), least_speed=least)
     counted = MIN_COUNTED_OVER_JUMPS if has_force_jumps(motion) else 1.0
     factor, power = find_row(options.method, False).vibration_loss
     first = integrate_batch(motion, limits, threads)

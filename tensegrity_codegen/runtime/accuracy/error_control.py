@@ -106,9 +106,8 @@ class Checks:
     rounds. min_counted: the part of a difference that counts at least, for methods that pass over kinks.
     least_error: estimate over the tolerance below which none is stated. max_shrink: factor by which a round
     tightens the steps at least. rounding: what it makes of velocities. is_open: whether the first run may
-    have looser steps than the samples ask for. find_first:
-    tolerance -> that of its steps over it. counts_speeds: whether amounts of velocities count as those of
-    positions.
+    have looser steps than the samples ask for; find_first: tolerance -> that of these steps over it.
+    counts_speeds: whether amounts of velocities count as those of positions.
     """
 
     vibration: Callable[[RawTrajectory], FloatArray] | None = None

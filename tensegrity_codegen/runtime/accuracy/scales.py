@@ -39,7 +39,8 @@ def set_atol_by_length(manifest: Manifest, options: RunOptions) -> RunOptions:
     if options.atol is not None:
         return replace(options, is_open=is_open)
     length = 1.0 if find_formulation(manifest.formulation).has_angles else find_length(manifest)
-    return replace(options, atol=find_share(options) * length, is_open=is_open)
+    atol = find_share(options) * length  # until a motion tells its speed: the length in a second
+    return replace(options, atol=atol, atol_speed=atol, is_open=is_open)
 
 
 def set_atol_by_motion(motion: Motion, options: RunOptions) -> RunOptions:

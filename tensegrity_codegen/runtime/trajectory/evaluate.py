@@ -30,7 +30,6 @@ from tensegrity_codegen.runtime.trajectory.trajectory import (
 )
 from tensegrity_codegen.structure.ground import ENERGY_STATES
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.errors import NonFiniteError
 from tensegrity_codegen.tables.manifest import VISCOUS_WORK, Manifest
 
 # Energy may change by this fraction of the largest kinetic energy before a run is called wrong.
@@ -106,7 +105,7 @@ def find_energy_flow(
 
 
 def evaluate_trajectory(
-    model: Model,
+    model: CompiledModel,
     raw: RawTrajectory,
     arguments: Mapping[str, Any],
     schedule: Schedule | None = None,
@@ -245,21 +244,13 @@ class _Samples:
 
     def compute(self, quantity: str) -> FloatArray:
         """Return a quantity at all samples, (n_batch, n_t, ...), NAN if it is not finite."""
-        if not self.threads and isinstance(self.model, CompiledModel):
+        if not self.threads:
             rows, count = self._rows, int(self.raw.n_reached[0])
             found = self.model.compute_rows(quantity, rows, select_motion(self.arguments, 0), count)
             found = found.reshape(1, count, *self.model.function(quantity).spec.shape)
             missing = np.full((1, self.shape[1] - count, *found.shape[2:]), np.nan)
             return np.concatenate([found, missing], axis=1) if missing.size else found
         spec = next(function for function in self.model.manifest.functions if function.quantity == quantity)
-        if not self.threads:
-            values = np.full((*self.shape, *spec.shape), np.nan)
-            for k, row in np.argwhere(self.is_there).tolist():
-                try:
-                    values[k, row] = self.model.compute(quantity, **self.sample(k, row))
-                except NonFiniteError:
-                    continue
-            return values
         batched = {name for name, (_, is_batched) in self.arguments.items() if is_batched}
         if batched.union(("coordinate", "velocity")).isdisjoint(spec.arguments):  # the same for all samples
             shared = {name: array for name, (array, _) in self.arguments.items() if name not in batched}
