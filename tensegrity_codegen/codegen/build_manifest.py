@@ -90,6 +90,7 @@ def build_manifest(
         contact_name=frame.contact_name,
         column_name=frame.column_name,
         ring_nodes=frame.ring_nodes,
+        body_places=frame.body_places,
         parts=list_parts(request, integrators, driven, describe_unwatched(request, model.subject)),
     )
 

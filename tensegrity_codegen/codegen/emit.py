@@ -34,6 +34,7 @@ from tensegrity_codegen.codegen.table.emitter import TABLE
 from tensegrity_codegen.codegen.unrolled import UNROLLED
 from tensegrity_codegen.scene.names import check_names, check_scene_name
 from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.structure.body_support import check_bodies, has_free_bodies
 from tensegrity_codegen.structure.collision import check_collision
 from tensegrity_codegen.structure.ground_support import check_ground, has_contacts, needs_state_jacobian
 from tensegrity_codegen.structure.memory import find_setting_events
@@ -143,6 +144,7 @@ def _plan(structure: Subject, request: ModelRequest) -> EmissionPlan:
         check_names(names, kind, structure.name)
     check_names([source.name for source in structure.inputs], "inputs", structure.name)
     check_ground(structure, request)
+    check_bodies(structure, request)
     check_rings(structure, request)
     check_collision(structure, request)
     check_memory(structure, request)
@@ -151,9 +153,9 @@ def _plan(structure: Subject, request: ModelRequest) -> EmissionPlan:
     choice = EmitterChoice(request.emitter, "asked for by name")
     lags = any(actuator.time_constant for actuator in structure.actuators)
     remembers = structure.remembers.any() or bool(structure.sliding) or bool(find_setting_events(structure))
-    is_bound = getattr(structure, "collision", None) or remembers or lags
+    is_bound = getattr(structure, "collision", None) or remembers or lags or has_free_bodies(structure)
     if request.emitter == AUTO and (is_bound or request.differentiates_motions):
-        why = "the only emitter for collisions, static friction, memory and derivatives of motions"
+        why = "the only emitter for bodies, collisions, static friction, memory and derivatives of motions"
         choice = EmitterChoice(UNROLLED.name, why)
     elif request.emitter == AUTO:
         choice = choose_emitter(find_facts(structure, request))

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from tensegrity_codegen.scene.names import FILE_NAME_RULE, NAME_RULE, is_name, key_path, unknown_key
+from tensegrity_codegen.scene.names import FILE_NAME_RULE, NAME_RULE, key_path, unknown_key
 from tensegrity_codegen.scene.schema.body_schema import LOAD_TAGS
 from tensegrity_codegen.scene.schema.schema import scene_json_schema
 from tensegrity_codegen.system.errors import (
@@ -39,15 +39,6 @@ _TYPE = {
     "dict_type": "a table {...}",
     "model_type": "a table {...}",
     "model_attributes_type": "a table {...}",
-}
-
-
-# How a point of a body is written, by section, in place of nodes.
-_OF_POINTS = {
-    "loads": 'a load on a point of a body is written point = "{}", in place of node',
-    "inputs": 'a force on points of bodies is written kind = "point_force", points = ["{}"]',
-    "members": 'a cable between points of bodies stands in the section tendons: points = ["{}", ...]',
-    "sensors": 'a sensor of points of bodies is written points = ["{}"], in place of nodes',
 }
 
 
@@ -92,11 +83,7 @@ def _translate_one(detail: ErrorDetails, where: str) -> SceneError:
                 allowed='"body.point"',
                 hint="rename it",
             )
-        body, _, point = str(value).partition(".")
-        hint = _OF_POINTS.get(str(path[0]), "rename it") if is_name(body) and is_name(point) else "rename it"
-        return InvalidNameError(
-            problem, where=location, given=value, allowed=allowed, hint=hint.format(value)
-        )
+        return InvalidNameError(problem, where=location, given=value, allowed=allowed, hint="rename it")
     if kind == "unknown_name":
         hint = suggest(value, context["known"])
         known_names = ", ".join(context["known"])

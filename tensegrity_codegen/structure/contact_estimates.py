@@ -132,14 +132,19 @@ def find_joints(system: BodySystem) -> dict[int, int]:
 def find_surface_nodes(subject: Subject, normal: FloatArray) -> IntArray:
     """Return the nodes that touch the ground where a scene names none, ascending.
 
-    All that can move along the normal (3,). Of bodies neither centres of mass, nor ends of bars that a point
-    of another body holds: that point touches in their place.
+    All that can move along the normal (3,), of free bodies the points with a radius. Of bodies with angles
+    neither centres of mass, nor ends of bars that a point of another body holds: that point touches in their
+    place.
     """
     chosen = find_movable(subject, normal)
     if isinstance(subject, BodySystem):
         chosen[list(find_joints(subject))] = False
         rigid = np.array([isinstance(subject.bodies[int(k)], RigidBody) for k in subject.node_body])
         chosen &= ~rigid | subject.node_local.any(axis=1)
+        return np.flatnonzero(chosen)
+    for free in subject.bodies:
+        chosen[list(free.corner)] = False
+        chosen[list(free.point)] = ~np.isnan(free.point_radius)
     return np.flatnonzero(chosen)
 
 
@@ -160,7 +165,7 @@ def find_bar_radius(subject: Subject) -> FloatArray:
 def compute_contact_mass(subject: Subject, node: IntArray) -> FloatArray:
     """Return the mass at each contact `node` (n_contacts,) [kg], see ContactEstimates."""
     if isinstance(subject, Structure):
-        lumped: FloatArray = subject.lumped_mass[node]
+        lumped: FloatArray = subject.effective_mass[node]
         return lumped
     body = subject.node_body[node]
     share: FloatArray = compute_body_mass(subject)[body] / np.bincount(body, minlength=1)[body]

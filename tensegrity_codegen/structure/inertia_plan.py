@@ -70,7 +70,7 @@ class InertiaPlan:
 
     def groups(self, axis: int) -> list[list[int]]:
         """Return the free nodes of `axis` in groups that share bars with own mass."""
-        free = np.flatnonzero(~self.structure.node_anchored[:, axis])
+        free = np.flatnonzero(self.structure.has_coordinate[:, axis])
         position = np.full(self.structure.n_nodes, -1)
         position[free] = np.arange(len(free))
         pairs = position[self.pair]
@@ -83,7 +83,7 @@ class InertiaPlan:
 
     def coupled(self, axis: int) -> tuple[IntArray, FloatArray, list[list[int]]]:
         """Return groups of several free nodes of `axis`: pairs (n, 2), their masses (n,), larger groups."""
-        free = ~self.structure.node_anchored[:, axis]
+        free = self.structure.has_coordinate[:, axis]
         held = free[self.pair].all(axis=1)
         pair, mass = self.pair[held], self.pair_mass[held]
         node, index = np.unique(pair, return_inverse=True)
@@ -103,8 +103,8 @@ def find_massless(structure: Structure) -> NDArray[np.bool_]:
     mass = structure.node_mass.copy()
     for end in (0, 1):
         np.add.at(mass, structure.connectivity[:, end], structure.member_mass)
-    held = structure.node_anchored[:, list(structure.axes)].all(axis=1)
-    massless: NDArray[np.bool_] = (mass == 0) & ~held
+    free = structure.has_coordinate[:, list(structure.axes)].any(axis=1)
+    massless: NDArray[np.bool_] = (mass == 0) & free
     return massless
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.actuators import Actuator, RestLengthGains, Sensor
 from tensegrity_codegen.structure.collision import Collision
+from tensegrity_codegen.structure.free_bodies import FreeBody, find_attached
 from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.limits import Limits
@@ -25,6 +26,7 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.system.pickling import reduce_fields
 from tensegrity_codegen.system.summaries import Fact, Summarised, count_names, describe_range
+from tensegrity_codegen.tables.body_places import BodyPlace, join_bodies
 from tensegrity_codegen.tables.strands import Strands, list_strands
 
 
@@ -114,6 +116,8 @@ class Structure(WithMemberLaws, Summarised):
         Cables with friction at rings, each of several members that slide into one another.
     is_large : bool
         Whether members of 50 m and more are meant.
+    bodies : tuple of FreeBody
+        Rigid bodies, whose corners and points are nodes, and whose edges are rigid bars.
 
     Notes
     -----
@@ -161,6 +165,7 @@ class Structure(WithMemberLaws, Summarised):
     ring_nodes: tuple[tuple[int, ...], ...] = ()  # that each member passes between its ends; (): none does
     sliding: tuple[SlidingCable, ...] = ()  # cables with friction at rings
     is_large: bool = False  # members of 50 m and more are meant
+    bodies: tuple[FreeBody, ...] = ()  # whose corners and points are nodes, and whose edges are rigid bars
 
     def headline(self) -> str:
         """Return the name of the scene."""
@@ -206,6 +211,11 @@ class Structure(WithMemberLaws, Summarised):
         return list_strands(self.connectivity.reshape(-1, 2), self.ring_nodes)
 
     @property
+    def joined(self) -> NDArray[np.int64]:
+        """(n, 2): pairs of nodes that a strand or a body joins."""
+        return join_bodies(self.strands.ends, self.body_places)
+
+    @property
     def passes_rings(self) -> NDArray[np.bool_]:
         """(n_members,): cables that slide through rings."""
         return self.strands.passes_rings
@@ -219,10 +229,44 @@ class Structure(WithMemberLaws, Summarised):
     def coordinate_node_axis(self) -> NDArray[np.int64]:
         """(n_coordinates, 2): node and axis of each free coordinate, node by node."""
         axes = np.array(self.axes, dtype=np.int64)
-        node, column = np.nonzero(~self.node_anchored[:, axes])
+        node, column = np.nonzero(self.has_coordinate[:, axes])
         node_axis: NDArray[np.int64] = np.stack([node, axes[column]], axis=1).astype(np.int64)
         node_axis.flags.writeable = False
         return node_axis
+
+    @cached_property
+    def attached(self) -> dict[int, tuple[tuple[int, float], ...]]:
+        """Points of bodies: node -> corners of the body with their weights in its position."""
+        return find_attached(self.n_nodes, self.bodies)
+
+    @cached_property
+    def body_places(self) -> tuple[BodyPlace, ...]:
+        """What results need of each body."""
+        return tuple(body.place() for body in self.bodies)
+
+    @cached_property
+    def is_attached(self) -> NDArray[np.bool_]:
+        """(n_nodes,): points of bodies, whose positions follow from the corners of these."""
+        found = np.zeros(self.n_nodes, dtype=np.bool_)
+        found[list(self.attached)] = True
+        return found
+
+    @cached_property
+    def is_edge(self) -> NDArray[np.bool_]:
+        """(n_members,): rigid bars between the corners of one body."""
+        body = np.full(self.n_nodes, -1)
+        for k, entry in enumerate(self.bodies):
+            body[list(entry.corner)] = k
+        found: NDArray[np.bool_] = (body[self.connectivity].min(axis=1, initial=len(self.bodies)) >= 0) & (
+            body[self.connectivity[:, 0]] == body[self.connectivity[:, 1]]
+        )
+        return found
+
+    @property
+    def has_coordinate(self) -> NDArray[np.bool_]:
+        """(n_nodes, 3): axes along which a node has a coordinate: it is neither anchored nor attached."""
+        free: NDArray[np.bool_] = ~self.node_anchored & ~self.is_attached[:, None]
+        return free
 
     @property
     def n_coordinates(self) -> int:
@@ -258,11 +302,20 @@ class Structure(WithMemberLaws, Summarised):
         return mass
 
     @property
+    def effective_mass(self) -> FloatArray:
+        """(n_nodes,) [kg]: the mass that a force on a node moves at least; `lumped_mass` but for bodies."""
+        mass = self.lumped_mass
+        for body in self.bodies:
+            mass[list(body.point)] = [body.mass_at(local) for local in body.point_local]
+        return mass
+
+    @property
     def has_much_damping(self) -> NDArray[np.bool_]:
         """(n_members,): cables with half of critical damping or more, c >= sqrt(mu m), m: lighter end."""
         mass = self.node_mass.copy()
         np.add.at(mass, self.connectivity.ravel(), np.repeat(self.member_mass / 6, 2))
         mass[self.node_anchored[:, list(self.axes)].all(axis=1)] = np.inf
+        mass[self.is_attached] = self.effective_mass[self.is_attached]
         lighter = np.full(self.n_members, np.inf)
         np.minimum.at(lighter, self.strands.member, mass[self.strands.ends].min(axis=1))
         much: NDArray[np.bool_] = (self.damping > 0) & (self.damping**2 >= self.mu * lighter)

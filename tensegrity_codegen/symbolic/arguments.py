@@ -13,6 +13,7 @@ import numpy as np
 from tensegrity_codegen.structure.ground import CHANGEABLE
 from tensegrity_codegen.structure.memory import find_start
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.symbolic.free_bodies import BodyFrame
 from tensegrity_codegen.symbolic.geometry import Scalar
 from tensegrity_codegen.symbolic.model import ModelArgument
 from tensegrity_codegen.system.arrays import FloatArray
@@ -65,6 +66,10 @@ class SymbolicArguments:
             result[node][column[axis]] = self.symbols["coordinate"][index]
         self.position = result
         self.velocity = self._velocities()
+        self.body_frames = [BodyFrame(body, self.position, self.velocity) for body in structure.bodies]
+        for frame in self.body_frames:
+            for node, local in zip(frame.body.point, frame.body.point_local, strict=True):
+                self.position[node], self.velocity[node] = frame.place(local)
         self.rest_rate: dict[int, Scalar] = {}  # of rest lengths that motors change, by member
         self.add_inputs()
         self._add_slips()

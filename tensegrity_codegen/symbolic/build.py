@@ -3,6 +3,7 @@
 from importlib import import_module
 
 from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.body_support import check_bodies
 from tensegrity_codegen.structure.collision import check_collision
 from tensegrity_codegen.structure.ground_support import check_ground
 from tensegrity_codegen.structure.memory_support import check_memory
@@ -20,6 +21,7 @@ def build_model(structure: Structure | BodySystem, request: ModelRequest) -> Sym
     The function build_NAME of the module of its name in `formulations` makes it.
     """
     name = find_formulation(request.formulation).name
+    check_bodies(structure, request)
     check_ground(structure, request)
     check_rings(structure, request)
     check_collision(structure, request)

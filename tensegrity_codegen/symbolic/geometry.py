@@ -1,5 +1,6 @@
 """Member geometry from node positions: vectors, lengths, rates. No force law in here."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import casadi as ca
@@ -24,6 +25,12 @@ def dot(a: Vector, b: Vector) -> Scalar:
 def member_vector(start: Vector, end: Vector) -> Vector:
     """Return d = r_i - r_j [m] of a member from node i (`start`) to node j (`end`)."""
     return [x - y for x, y in zip(start, end, strict=True)]
+
+
+def combine(parts: Iterable[tuple[int, float]], vectors: list[Vector]) -> Vector:
+    """Return the sum of weighted vectors; parts: index and weight of each."""
+    terms = [[weight * x for x in vectors[k]] for k, weight in parts]
+    return [sum(column[1:], column[0]) for column in zip(*terms, strict=True)]
 
 
 def member_length(vector: Vector) -> Scalar:

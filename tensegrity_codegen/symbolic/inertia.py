@@ -34,7 +34,7 @@ class Inertia:
 
     def check(self) -> None:
         """Raise FormulationError if a free node has no mass."""
-        free = np.any(~self.structure.node_anchored[:, list(self.structure.axes)], axis=1)
+        free = np.any(self.structure.has_coordinate[:, list(self.structure.axes)], axis=1)
         bare = [node for node in np.flatnonzero(free) if self.diagonal[node].is_zero()]
         refuse_bare(self.structure, bare)
 

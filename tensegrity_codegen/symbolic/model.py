@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, suggest
+from tensegrity_codegen.tables.body_places import BodyPlace
 from tensegrity_codegen.tables.manifest import count_internal
 from tensegrity_codegen.tables.quantities import find_quantity
 
@@ -39,7 +40,8 @@ class Frame:
     since n bars make n (n - 1) / 2 pairs that few models need. rigid_bar: the members that keep constant
     lengths, in the order of their multipliers. internal_name: of internal states; contact_name: of nodes that
     can touch the ground; column_name: of numbers that motions are differentiated to. ring_nodes: nodes that
-    each member passes between its ends, empty if no member does.
+    each member passes between its ends, empty if no member does. body_places: free rigid bodies by
+    their corners.
     """
 
     axes: tuple[int, ...]
@@ -57,6 +59,7 @@ class Frame:
     contact_name: tuple[str, ...] = ()
     column_name: tuple[str, ...] = ()
     ring_nodes: tuple[tuple[int, ...], ...] = ()
+    body_places: tuple[BodyPlace, ...] = ()
 
     @property
     def n_internal(self) -> int:
@@ -82,6 +85,7 @@ def frame_structure(structure: Structure) -> Frame:
         internal_name=structure.internal_name,
         contact_name=structure.contact_name,
         ring_nodes=structure.ring_nodes,
+        body_places=structure.body_places,
     )
 
 

@@ -217,18 +217,9 @@ class NodeCoordinates:
     def tangent_stiffness(self) -> ca.SX:
         """Return the Hessian of U with constant z, sparse (n_coordinates, n_coordinates) [N/m]."""
         stiffness = self.assembled({e: member.tangent_block() for e, member in self.each_member()})
-        blocks = [entry for force in self.node_forces for entry in force.static_stiffness().items()]
-        if not blocks:
-            return stiffness
-        free = {
-            node: [c for c, axis in enumerate(self.map.axes) if (node, axis) in self.map.index]
-            for node, _ in blocks
-        }
-        axes = self.map.axes
-        return stiffness + self.map.assemble(
-            (block[free[node], free[node]], [self.map.index[node, axes[c]] for c in free[node]])
-            for node, block in blocks
-        )
+        for force in self.node_forces:
+            stiffness = stiffness + self.map.node_matrix(force.static_stiffness())
+        return stiffness
 
     def assembled(self, blocks: Mapping[int, MemberBlocks | Pairs]) -> ca.SX:
         """Return the matrix of these blocks of members, sparse (n_coordinates, n_coordinates)."""
@@ -319,6 +310,7 @@ class NodeCoordinates:
     def accelerate(self, node_force: list[Vector]) -> ca.SX:
         """Return H^-1 f of a force on every node, (n_coordinates, 1)."""
         self.inertia.check()
+        node_force = self.map.gather(node_force)
         result: list[Scalar] = [None] * self.map.n_coordinates
         for column, axis in enumerate(self.structure.axes):
             for nodes in self.inertia.groups(axis):

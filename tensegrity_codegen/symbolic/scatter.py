@@ -7,7 +7,7 @@ from typing import Any
 import casadi as ca
 
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.symbolic.geometry import Scalar
+from tensegrity_codegen.symbolic.geometry import Scalar, combine
 from tensegrity_codegen.symbolic.members.member import MemberBlocks
 
 
@@ -21,6 +21,7 @@ class CoordinateMap:
             for position, (node, axis) in enumerate(structure.coordinate_node_axis)
         }
         self.n_coordinates = len(self.index)
+        self.attached = structure.attached
         self.anchored_places = [
             (node, column)
             for node in range(structure.n_nodes)
@@ -42,7 +43,22 @@ class CoordinateMap:
     def free(self, vectors: list[list[Scalar]]) -> ca.SX:
         """Return the free components of one vector a node, (n_coordinates, 1)."""
         column = {axis: position for position, axis in enumerate(self.axes)}
+        vectors = self.gather(vectors)
         return ca.vertcat(*[vectors[node][column[axis]] for node, axis in self.index])
+
+    def gather(self, forces: list[list[Scalar]]) -> list[list[Scalar]]:
+        """Return forces on nodes with those on points of bodies moved to the corners that carry them."""
+        if not self.attached:
+            return forces
+        result = [list(force) for force in forces]
+        for node, corners in self.attached.items():
+            for corner, weight in corners:
+                result[corner] = [f + weight * g for f, g in zip(result[corner], forces[node], strict=True)]
+        return result
+
+    def carriers(self, node: int) -> tuple[tuple[int, float], ...]:
+        """Return the nodes whose coordinates move a node, with their weights in its position."""
+        return self.attached.get(node, ((node, 1),))
 
     def place(self, coordinate: ca.SX, fixed: list[list[Scalar]]) -> list[list[Scalar]]:
         """Return one vector a node: components of `coordinate` (n, 1) if free, else `fixed`."""
@@ -50,6 +66,8 @@ class CoordinateMap:
         result = [list(vector) for vector in fixed]
         for (node, axis), position in self.index.items():
             result[node][column[axis]] = coordinate[position]
+        for node, corners in self.attached.items():
+            result[node] = combine(corners, result)
         return result
 
     def anchored(self, vectors: list[list[Scalar]]) -> ca.SX:
@@ -87,19 +105,40 @@ class CoordinateMap:
             own, far_node = ends[e][end], ends[e][1 - end]
             for r, row_axis in enumerate(self.axes):
                 for c, column_axis in enumerate(self.axes):
-                    column = self.index.get((own, column_axis))
                     for node, sign in ((own, 1), (far_node, -1)):
-                        row = self.index.get((node, row_axis))
-                        if row is not None and column is not None:
-                            self._add(entries, row, column, blocks[e].entries[r][c], sign)
+                        keys = ((node, row_axis), (own, column_axis))
+                        self._spread(entries, *keys, blocks[e].entries[r][c], sign)
         for row_nodes, column_nodes, block in pairs:
             for (row_node, sign), (column_node, turned) in product(_signed(row_nodes), _signed(column_nodes)):
                 for (r, row_axis), (c, column_axis) in product(enumerate(self.axes), repeat=2):
-                    row = self.index.get((row_node, row_axis))
-                    column = self.index.get((column_node, column_axis))
-                    if row is not None and column is not None:
-                        self._add(entries, row, column, block.entries[r][c], sign * turned)
+                    keys = ((row_node, row_axis), (column_node, column_axis))
+                    self._spread(entries, *keys, block.entries[r][c], sign * turned)
         return self._sparse(entries, self.n_coordinates)
+
+    def node_matrix(self, blocks: Mapping[int, ca.SX]) -> ca.SX:
+        """Return the sum of blocks (n_axes, n_axes) of nodes, sparse (n_coordinates, n_coordinates)."""
+        entries: dict[tuple[int, int], Scalar] = {}
+        for node, block in blocks.items():
+            for (r, row_axis), (c, column_axis) in product(enumerate(self.axes), repeat=2):
+                if block.sparsity().has_nz(r, c):
+                    self._spread(entries, (node, row_axis), (node, column_axis), block[r, c])
+        return self._sparse(entries, self.n_coordinates)
+
+    def _spread(
+        self,
+        entries: dict[tuple[int, int], Scalar],
+        row_key: tuple[int, int],
+        column_key: tuple[int, int],
+        value: Scalar,
+        sign: int = 1,
+    ) -> None:
+        """Add an entry at two components of nodes to the coordinates that move these."""
+        pairs = product(self.carriers(row_key[0]), self.carriers(column_key[0]))
+        for (row_node, p), (column_node, q) in pairs:
+            row = self.index.get((row_node, row_key[1]))
+            column = self.index.get((column_node, column_key[1]))
+            if row is not None and column is not None:
+                self._add(entries, row, column, value if p == q == 1 else p * q * value, sign)
 
     def member_columns(self, directions: list[list[Scalar]], ends: list[tuple[int, int]]) -> ca.SX:
         """Return one column +u at node i, -u at node j a member, sparse (n_coordinates, n_members)."""
@@ -114,10 +153,12 @@ class CoordinateMap:
         """Return the sum of vectors, (column, node, vector, sign), sparse (n_coordinates, count)."""
         entries: dict[tuple[int, int], Scalar] = {}
         for column, node, vector, sign in terms:
-            for component, axis in zip(vector, self.axes, strict=True):
-                row = self.index.get((node, axis))
+            for (carrier, weight), (component, axis) in product(
+                self.carriers(node), list(zip(vector, self.axes, strict=True))
+            ):
+                row = self.index.get((carrier, axis))
                 if row is not None:
-                    self._add(entries, row, column, component, sign)
+                    self._add(entries, row, column, component if weight == 1 else weight * component, sign)
         return self._sparse(entries, count)
 
     def _add(

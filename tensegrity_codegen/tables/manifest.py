@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.system.errors import AbiMismatchError, LibraryError
+from tensegrity_codegen.tables.body_places import BodyPlace, join_bodies, list_node_motions
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.quantities import OF_COLUMNS
 from tensegrity_codegen.tables.strands import Strands, list_strands
@@ -72,7 +73,15 @@ SLID_END = "_slid"  # of the names of internal states of rings with friction, be
 MOTOR_END = "_motor"  # of the names of internal states of actuators with a time constant
 
 # Fields of a manifest that stand in its file only if they hold something.
-ONLY_IF_ANY = ("internal_name", "contact_name", "column_name", "ring_nodes", "adjoint_work", "tape_row")
+ONLY_IF_ANY = (
+    "internal_name",
+    "contact_name",
+    "column_name",
+    "ring_nodes",
+    "adjoint_work",
+    "tape_row",
+    "body_places",
+)
 
 
 def count_internal(n_coordinates: int, n_internal: int, n_columns: int) -> int:
@@ -248,11 +257,17 @@ class Manifest:
     column_name: tuple[str, ...] = ()  # numbers that motions are differentiated to
     checks: str = "finite"  # "none": functions do not look for numbers that are not finite
     ring_nodes: tuple[tuple[int, ...], ...] = ()  # that each member passes between its ends; (): none does
+    body_places: tuple[BodyPlace, ...] = ()  # free rigid bodies by their corners, which are nodes
 
     @cached_property
     def strands(self) -> Strands:
         """The straight pieces of all members: of most members they are the member itself."""
         return list_strands(np.array(self.connectivity, dtype=np.int64).reshape(-1, 2), self.ring_nodes)
+
+    @property
+    def joined(self) -> NDArray[np.int64]:
+        """Pairs of nodes that a strand or a body joins, (n, 2)."""
+        return join_bodies(self.strands.ends, self.body_places)
 
     @cached_property
     def stated_position(self) -> NDArray[np.float64]:
@@ -263,6 +278,11 @@ class Manifest:
     def coordinate_place(self) -> NDArray[np.int64]:
         """Node and axis of each coordinate as a read-only array, (n_coordinates, 2), or (0, 2)."""
         return _read_only(np.array(self.coordinate_node_axis, dtype=np.int64).reshape(-1, 2))
+
+    @cached_property
+    def node_motions(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+        """Entries of the matrix from coordinates to nodes, see `list_node_motions`."""
+        return list_node_motions(self.coordinate_place, self.body_places)
 
     @cached_property
     def vectors(self) -> tuple[NDArray[np.int64], tuple[str, ...]]:
@@ -418,6 +438,7 @@ def _decode(data: dict[str, Any]) -> Manifest:
     data["solvers"] = tuple(SolverSpec(**entry) for entry in data["solvers"])
     data["left_out"] = tuple(LeftOut(**entry) for entry in data["left_out"])
     data["parts"] = tuple(SourcePart(**entry) for entry in data.get("parts", ()))
+    data["body_places"] = tuple(BodyPlace(**entry) for entry in data.get("body_places", ()))
     return Manifest(**data)
 
 

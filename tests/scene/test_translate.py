@@ -3,6 +3,7 @@ import math
 import pytest
 
 from tensegrity_codegen.scene.read import parse_scene
+from tensegrity_codegen.scene.subject import assemble_scene
 from tensegrity_codegen.system.errors import (
     InvalidNameError,
     InvalidValueError,
@@ -224,18 +225,19 @@ def test_a_deep_or_long_value_is_shown_short():
 @pytest.mark.parametrize(
     ("section", "entry", "hint"),
     [
-        ("loads", {"node": "bar1.B", "force": [0, 0, 1]}, 'point = "bar1.B", in place of node'),
+        ("loads", {"node": "bar1.B", "force": [0, 0, 1]}, 'point = "body.point"'),
         (
             "inputs",
             {"kind": "force", "name": "u", "nodes": ["bar1.B"], "direction": [0, 0, 1]},
-            'kind = "point_force", points = ["bar1.B"]',
+            'kind = "point_force" with points = ["body.point"]',
         ),
     ],
 )
 def test_points_of_bodies_where_nodes_are_named(section: str, entry: dict[str, object], hint: str) -> None:
     bodies: dict[str, object] = {"base": {"kind": "fixed", "points": {"o": [0, 0, 0]}}}
-    bodies["bar1"] = {"kind": "bar", "length": 1.0, "mass": 1.0, "anchor": "base.o"}
-    with pytest.raises(InvalidNameError) as caught:
-        parse_scene({"name": "a", "bodies": bodies, section: [entry]})
-    assert caught.value.given == "bar1.B"
+    bodies["bar1"] = {"kind": "bar", "length": 1.0, "mass": 1.0, "anchor": "base.o", "direction": [1, 0, 0]}
+    tendons = {"t": {"points": ["base.o", "bar1.B"], "spring_constant": 1.0, "rest_length": 1.0}}
+    scene = parse_scene({"name": "a", "bodies": bodies, "tendons": tendons, section: [entry]})
+    with pytest.raises(InvalidValueError) as caught:
+        assemble_scene(scene)
     assert hint in caught.value.hint

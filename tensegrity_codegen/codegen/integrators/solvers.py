@@ -96,7 +96,7 @@ def _find_tension(
     functions: tuple[FunctionSpec, ...], passed: tuple[str, ...], frame: Any
 ) -> FunctionSpec | None:
     """Return the function for tensions of members between two nodes, None if steps cannot damp members."""
-    is_plain = bool(frame.coordinate_node_axis) and not frame.ring_nodes
+    is_plain = bool(frame.coordinate_node_axis) and not frame.ring_nodes and not frame.body_places
     tension = next((function for function in functions if function.quantity == TENSION), None)
     available = {"coordinate", *AT_REST, *passed}
     return tension if tension is not None and is_plain and available.issuperset(tension.arguments) else None

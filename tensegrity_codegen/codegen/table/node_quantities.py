@@ -90,7 +90,7 @@ class ContactLoop:
             self.ground,
             put_numbers(self.ground, changed),
             self.model.structure.axes,
-            (ca.vertsplit(symbols["position"]), ca.vertsplit(symbols["velocity"])),
+            (ca.vertsplit(symbols["position"]), *[ca.vertsplit(symbols["velocity"])] * 2),
             symbols["radius"],
             list(bristle.values()),
         )

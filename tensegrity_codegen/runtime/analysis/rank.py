@@ -192,7 +192,7 @@ def find_free_motions(rank: Rank, rigid: FloatArray) -> FreeMotions:
 def find_parts(manifest: Manifest) -> tuple[tuple[int, ...], ...]:
     """Return the nodes of each part of a structure that no members join to the others, by index."""
     count = len(manifest.node_name)
-    ends = manifest.strands.ends
+    ends = manifest.joined
     graph = scipy.sparse.coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(count, count))
     _, label = scipy.sparse.csgraph.connected_components(graph, directed=False)
     free = np.zeros(count, dtype=bool)
@@ -235,10 +235,12 @@ def count_freedom(structure: Structure) -> Freedom | None:
     unit, _ = strands.directions(structure.node_position)
     for node, sign in ((start, 1.0), (end, -1.0)):
         np.add.at(matrix, (node, strands.member), sign * unit)
+    for body in structure.body_places:
+        body.gather(np.swapaxes(matrix, 0, 1))
     matrix = matrix[free[:, 0], :, free[:, 1]]
     square = np.linalg.eigvalsh(matrix @ matrix.T if n < m else matrix.T @ matrix)
     rank = int((square > ZERO_TOLERANCE**2 * square.max(initial=0.0)).sum())
-    piece = find_pieces(structure.n_nodes, start, end)[1]
+    piece = find_pieces(structure.n_nodes, *structure.joined.T)[1]
     rigid = sum(
         build_rigid_motions(
             structure, structure.node_position, nodes=np.flatnonzero(piece == k).tolist()

@@ -58,13 +58,14 @@ class Contacts:
         self.dragged: FloatArray | None = None
         self.load_factor = 1.0
         self.external = compute_external_force(self.structure, model, arguments)
-        node_axis = self.structure.coordinate_node_axis
-        node = {int(n): c for c, n in enumerate(ground.node)}
-        rows = [(node[int(n)], int(axis), k) for k, (n, axis) in enumerate(node_axis) if int(n) in node]
-        contact, axis, column = np.array(rows, dtype=np.int64).reshape(-1, 3).T
-        shape = (3 * ground.n_contacts, len(node_axis))
-        self.motion = scipy.sparse.csr_array((np.ones(len(rows)), (3 * contact + axis, column)), shape=shape)
-        self.start: FloatArray | None = None  # (n_contacts, 3), x0 [m]
+        row, column, value = model.manifest.node_motions
+        shape = (3 * structure.n_nodes, structure.n_coordinates)
+        self._nodes = scipy.sparse.csr_array((value, (row, column)), shape=shape)
+        # Motion of the centres of balls, and of their lowest points: rows of contacts (3 n_contacts, n).
+        contacts = (3 * ground.node[:, None] + np.arange(3)).ravel()
+        self.motion = self.surface = scipy.sparse.csr_array(self._nodes[contacts])
+        self.start: FloatArray | None = None  # (n_contacts, 3), x0 of the lowest points [m]
+        self._corners: dict[int, tuple[list[int], FloatArray]] = {}  # of lowest points, with their weights
         self.start_bristle = np.zeros((ground.n_contacts, len(self.tangents)))
         self.start_depth = np.zeros(ground.n_contacts)
         self.load_steps, self.change = 0, 0.0
@@ -91,11 +92,34 @@ class Contacts:
 
     def begin(self, position: FloatArray, bristle: FloatArray | None = None) -> None:
         """Take node positions (n_nodes, 3) and bristles (n_internal,) for x0 and s0."""
-        self.start = np.array(position[self.ground.node])
+        self._find_surface(position)
+        self.start = self._place_surface(position)
         self.start_depth = self.depth(position)
         shape, size = self.start_bristle.shape, self.start_bristle.size
         values = np.zeros(size) if bristle is None else np.ravel(bristle)[:size]
         self.start_bristle = values.reshape(shape)
+
+    def _find_surface(self, position: FloatArray) -> None:
+        """Let the lowest points of balls on bodies, as they are now, move with their bodies."""
+        self._corners, rows = {}, self.motion.tolil()
+        body_of = {node: body for body in self.model.manifest.body_places for node in body.point}
+        for c, (node, radius) in enumerate(zip(self.ground.node.tolist(), self.ground.radius, strict=True)):
+            if (body := body_of.get(node)) is None or not radius:
+                continue
+            arm = -radius * body.frame(position).T @ self.ground.normal
+            weights = np.array(body.weights[body.point.index(node)]) + arm @ np.array(body.axes)
+            self._corners[c] = list(body.corner), weights
+            at = (3 * np.array(body.corner)[:, None] + np.arange(3)).ravel()
+            spread = np.kron(weights, np.eye(3))
+            rows[3 * c : 3 * c + 3] = spread @ self._nodes[at]
+        self.surface = scipy.sparse.csr_array(rows) if self._corners else self.motion
+
+    def _place_surface(self, position: FloatArray) -> FloatArray:
+        """Return where the lowest points of the start are, (n_contacts, 3) [m]."""
+        place = np.array(position[self.ground.node])
+        for c, (corner, weights) in self._corners.items():
+            place[c] = weights @ position[corner]
+        return place
 
     def rest(self, position: FloatArray, bristle: FloatArray | None) -> None:
         """Take a state at rest, bristles zero if None; feet within rounding of their limit slip."""
@@ -109,8 +133,9 @@ class Contacts:
             size = np.linalg.norm(bristle[c])
             along = bristle[c] / size if slips[c] and size else 0.0 * bristle[c]
             across = (np.eye(len(along)) - np.outer(along, along)) @ self.tangents
-            held = np.vstack([self.ground.normal, across if self.friction else across[:0]])
-            rows.append(held @ self.motion[3 * c : 3 * c + 3])
+            at = slice(3 * c, 3 * c + 3)
+            rows.append(np.asarray(self.ground.normal[None] @ self.motion[at]))
+            rows.append(np.asarray((across if self.friction else across[:0]) @ self.surface[at]))
         return np.vstack([np.zeros((0, self.motion.shape[1])), *rows])
 
     def bristles(self, position: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -159,7 +184,7 @@ class Contacts:
         trial, slope = self._find_trial(position), self._find_trial_slope(position)
         bristle, slips = self.bristles(position)
         depth = self.depth(position)
-        blocks = []
+        along_plane, by_depth = [], []  # of the lowest point by its own motion, and by that of the centre
         # Of each contact kt dT/dx, across its slip only where mu N limits the friction.
         for c in range(ground.n_contacts):
             length = float(np.linalg.norm(trial[c]))
@@ -167,18 +192,21 @@ class Contacts:
             across = np.eye(len(along)) - np.outer(along, along)
             if not exact and self.limit is None:
                 holds = depth[c] > 0 if self.limited else self.start_depth[c] >= 0
-                block = kt * holds * self.tangents.T @ across @ self.tangents
+                block, normal = kt * holds * self.tangents.T @ across @ self.tangents, np.zeros(3)
             elif not slips[c]:
-                block = kt * self.tangents.T @ slope[c]
+                block, normal = kt * self.tangents.T @ slope[0][c], kt * self.tangents.T @ slope[1][c]
             else:
                 fraction = float(np.linalg.norm(bristle[c])) / length
                 gain = ground.friction * ground.exponent * ground.stiffness
                 gain *= 0.0 if self.limit is not None else 1.0
                 gain *= max(depth[c], 0.0) ** (ground.exponent - 1.0) * (depth[c] > 0)
-                block = kt * fraction * self.tangents.T @ across @ slope[c]
-                block = block - gain * np.outer(self.tangents.T @ along, ground.normal)
-            blocks.append(block)
-        return scipy.sparse.csc_array(self.motion.T @ scipy.sparse.block_diag(blocks) @ self.motion)
+                across = kt * fraction * self.tangents.T @ across
+                block = across @ slope[0][c]
+                normal = across @ slope[1][c] - gain * self.tangents.T @ along
+            along_plane.append(block)
+            by_depth.append(np.outer(normal, ground.normal))
+        plane, depths = (scipy.sparse.block_diag(blocks) for blocks in (along_plane, by_depth))
+        return scipy.sparse.csc_array(self.surface.T @ (plane @ self.surface + depths @ self.motion))
 
     def complete(self, quantity: str, value: Any, coordinate: FloatArray, position: FloatArray) -> Any:
         """Return a quantity of the model with friction's stiffness and the load factor, which it lacks."""
@@ -186,8 +214,7 @@ class Contacts:
         if quantity == "tangent_stiffness":
             return value + self.friction_stiffness(position, exact=self.exact)
         if missing and quantity == "node_residual":
-            node_axis = self.structure.coordinate_node_axis
-            return value - missing * self.external[node_axis[:, 0], node_axis[:, 1]]
+            return value - missing * (self._nodes.T @ self.external.ravel())
         if quantity == "potential_energy":
             slipped = 0.0
             if (
@@ -206,20 +233,19 @@ class Contacts:
             return np.where(depth > 0, -LONG, 0.0)[:, None] * self.dragged
         return np.where(closed[:, None], self.start_bristle, 0.0) + weight[:, None] * moved
 
-    def _find_trial_slope(self, position: FloatArray) -> FloatArray:
-        """Return dT/dx, (n_contacts, n_tangents, 3)."""
+    def _find_trial_slope(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return dT/dx of lowest points (n_contacts, n_tangents, 3), and that of centres along the normal."""
         moved, depth, _, closes, weight = self._weigh(position)
         if self.dragged is not None:
-            return np.zeros((*moved.shape, 3))
+            return np.zeros((*moved.shape, 3)), np.zeros(moved.shape)
         span = np.where(closes, depth - self.start_depth, 1.0)
         change = np.where(closes, -self.start_depth / span**2, 0.0)
-        slope: FloatArray = weight[:, None, None] * self.tangents
-        return slope - (change[:, None] * moved)[:, :, None] * self.ground.normal
+        return weight[:, None, None] * self.tangents, -change[:, None] * moved
 
     def _weigh(self, position: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray, FloatArray]:
         """Return way in the plane and depth [m], closed at x0, closes, and the part of bristles' way."""
         assert self.start is not None
-        moved = (position[self.ground.node] - self.start) @ self.tangents.T
+        moved = (self._place_surface(position) - self.start) @ self.tangents.T
         depth, before = self.depth(position), self.start_depth
         closed = before >= 0.0
         closes = ~closed & (depth > 0) & (self.limited and self.limit is None)

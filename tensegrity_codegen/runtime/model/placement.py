@@ -44,6 +44,8 @@ def place_nodes(
         result[np.ix_(rows, list(manifest.axes))] = np.reshape(anchor_position, changeable.shape)
     node_axis = manifest.coordinate_place
     result[node_axis[:, 0], node_axis[:, 1]] = coordinate
+    for body in manifest.body_places:
+        body.attach(result)
     return result
 
 
@@ -59,6 +61,8 @@ def place_velocities(
         return result
     node_axis = manifest.coordinate_place
     result[node_axis[:, 0], node_axis[:, 1]] = velocity
+    for body in manifest.body_places:
+        body.attach(result)
     return result
 
 

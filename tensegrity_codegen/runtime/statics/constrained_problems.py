@@ -207,6 +207,10 @@ class BarProblem(StaticProblem):
         if self._last is None or not np.array_equal(self._last.coordinate, coordinate):
             force = np.array(self.compute(self.residual_quantity, coordinate))
             jacobian = self.bars.jacobian(self.node_position(coordinate))
+            if not (np.isfinite(force).all() and np.isfinite(jacobian.data).all()):
+                raise NonFiniteError(
+                    "the forces are not finite", where=self.model.manifest.name, allowed="finite forces"
+                )
             self._last = _Place(self.bars, np.array(coordinate), jacobian, force)
         return self._last
 

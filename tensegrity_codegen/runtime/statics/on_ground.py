@@ -191,7 +191,9 @@ def _find_unheld(problem: StaticProblem, contacts: Contacts, touching: FloatArra
 def _is_held(problem: StaticProblem, direction: FloatArray) -> bool:
     """Return whether an anchor holds a node along a direction (3,)."""
     axes = np.flatnonzero(np.abs(direction) > 1e-12 * np.linalg.norm(direction))
-    return bool(min(np.sum(problem.axis == axis) for axis in axes) < len(problem.model.manifest.node_name))
+    manifest = problem.model.manifest
+    count = len(manifest.node_name) - sum(len(body.point) for body in manifest.body_places)
+    return bool(min(np.sum(problem.axis == axis) for axis in axes) < count)
 
 
 def _find_point(problem: StaticProblem, coordinate: FloatArray) -> Point:

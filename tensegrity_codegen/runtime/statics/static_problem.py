@@ -58,7 +58,8 @@ def build_rigid_motions(
     if nodes is not None:
         moves[:] = False
         moves[list(nodes)] = True
-        position, free = position[list(nodes)], free[list(nodes)]
+    moves[[node for body in manifest.body_places for node in body.point]] = False  # as their corners do
+    position, free = position[moves], free[moves]
     motions, _ = build_all_motions(manifest.axes, position)
     chosen = free[:, manifest.axes].ravel()
     permitted = motions[chosen] @ _null_space(motions[~chosen])
@@ -183,9 +184,9 @@ class StaticProblem:
                 )
             self.contacts = Contacts(model, self.arguments)
         # Velocities of nodes (3 n_nodes, n_coordinates) of those of coordinates.
+        row, column, value = model.manifest.node_motions
         self._velocity = scipy.sparse.csr_array(
-            (np.ones(self.size), (3 * self.node + self.axis, np.arange(self.size))),
-            shape=(3 * len(model.manifest.node_name), self.size),
+            (value, (row, column)), shape=(3 * len(model.manifest.node_name), self.size)
         )
 
     @classmethod
@@ -382,9 +383,9 @@ class StaticProblem:
 
     def node_velocities(self, coordinate: FloatArray, directions: FloatArray) -> FloatArray:
         """Return how nodes move along directions (n_directions, k) of steps, (n_nodes, 3, k)."""
-        field = np.zeros((len(self.model.manifest.node_name), 3, directions.shape[1]))
-        field[self.node, self.axis] = directions
-        return field
+        return np.asarray(self._velocity @ directions).reshape(
+            len(self.model.manifest.node_name), 3, directions.shape[1]
+        )
 
     def smallest_eigenvalue(self, coordinate: FloatArray, eigenvalue: float, neutral: FloatArray) -> float:
         """Return the smallest eigenvalue in the model's coordinates, of that in those of this problem."""
@@ -407,6 +408,7 @@ class StaticProblem:
     def find_unbalanced_axis(self, residual: FloatArray, noise: float) -> tuple[int, float] | None:
         """Return the first axis without anchors on which loads do not cancel, and their sum [N]."""
         n_nodes = len(self.model.manifest.node_name)
+        n_nodes -= sum(len(body.point) for body in self.model.manifest.body_places)
         if self.contacts is not None:
             return None
         for axis in self.model.manifest.axes:

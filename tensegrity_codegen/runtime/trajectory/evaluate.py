@@ -353,6 +353,8 @@ class _Samples:
             result[:, :, rows[:, None], axes] = array
         free = self.coordinate if quantity == "node_position" else self.velocity
         result[:, :, node_axis[:, 0], node_axis[:, 1]] = free
+        for body in manifest.body_places:
+            body.attach(result)
         return self._mask(result)
 
     def _find_work(self) -> FloatArray | None:

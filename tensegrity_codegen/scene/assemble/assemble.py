@@ -8,6 +8,7 @@ from pydantic import ValidationError
 
 from tensegrity_codegen.scene.assemble.contacts import build_collision, build_ground, find_bar_pairs
 from tensegrity_codegen.scene.assemble.control import build_actuators, build_limits, build_sensors
+from tensegrity_codegen.scene.assemble.free_bodies import add_corners, add_points, place_free_bodies
 from tensegrity_codegen.scene.assemble.members import (
     build_member_arrays,
     build_node_arrays,
@@ -32,6 +33,7 @@ from tensegrity_codegen.structure.inertia_plan import find_massless
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError
+from tensegrity_codegen.tables.body_places import join_bodies
 from tensegrity_codegen.tables.formulations import choose_formulation, find_formulation
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
 from tensegrity_codegen.tables.strands import list_strands
@@ -52,7 +54,8 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
     loads, inputs = _of_nodes(scene, where)
     expanded = list_parts(scene, where)
     axes = tuple("xyz".index(letter) for letter in scene.axes)
-    node = build_node_arrays(expanded.nodes, axes, where)
+    bodies = place_free_bodies(scene.bodies, axes, where)
+    node = add_points(build_node_arrays(expanded.nodes, axes, where), bodies, where)
     member = build_member_arrays(
         scene.classes, expanded.members, node["node_name"], node["node_position"], where
     )
@@ -60,19 +63,23 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
     cut = cut_cables(node, member, expanded.groups, gravity, axes, where)
     cut, sliding = cut_at_rings(cut, scene, expanded.members, where)
     node, member = cut.node, cut.member
-    node["node_load"] = build_node_load(node["node_name"], loads, axes, where)
+    point_names = node["node_name"]
+    node, member, free_bodies = add_corners(node, member, bodies, where)
+    names = (*point_names, *node["node_name"][len(point_names) :])  # points as the scene writes them
+    node["node_load"] = build_node_load(names, loads, axes, where)
     targets = Targets(
-        node["node_name"],
+        names,
         member["member_name"],
         member["member_class"],
         scene.classes,
         cut.groups,
         where,
-        share=cut.share,
+        share=np.concatenate([cut.share, np.ones(len(member["member_name"]) - len(cut.share))]),
     )
     rigid = (member["spring_constant"] == 0) & (member["axial_stiffness"] == 0)
     ends = list_strands(member["connectivity"], member["ring_nodes"]).ends
-    check_freedom(ends, node["node_anchored"], axes, node["node_name"], where)
+    joined = join_bodies(ends, [body.place() for body in free_bodies])
+    check_freedom(joined, node["node_anchored"], axes, names, where)
     acting = build_inputs(inputs, targets, member, axes)
     actuators = build_actuators(scene.actuators, [entry.name for entry in acting], targets, rigid)
     structure = Structure(
@@ -85,13 +92,14 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
         sensors=build_sensors(scene.sensors, targets),
         sliding=sliding,
         is_large=scene.large,
+        bodies=free_bodies,
         **node,
         **member,
     )
     structure = structure.with_changes(
         interference=_watch_bars(scene, structure, where),
         limits=build_limits(scene.limits, structure, scene.classes, where, cut.cables),
-        ground=build_ground(scene.ground, structure, None, where),
+        ground=build_ground(scene.ground, structure, {name: row for row, name in enumerate(names)}, where),
         collision=build_collision(scene.interference, where),
     )
     check_structure(structure, where)
@@ -107,7 +115,6 @@ def _of_nodes(
     loads = [entry for entry in scene.loads if isinstance(entry, Load)]
     inputs = [entry for entry in scene.inputs if isinstance(entry, INPUTS)]
     foreign = [
-        ("bodies", bool(scene.bodies)),
         ("tendons", bool(scene.tendons)),
         ("joint_friction", bool(scene.joint_friction)),
         ("loads", len(loads) < len(scene.loads)),

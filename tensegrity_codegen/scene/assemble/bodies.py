@@ -8,8 +8,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.scene.assemble.free_bodies import read_inertia
 from tensegrity_codegen.scene.names import check_known, key_path
-from tensegrity_codegen.scene.schema.body_schema import BarBody, FixedPart, RigidPart
+from tensegrity_codegen.scene.schema.body_schema import BarBody, FixedPart, PointTable, RigidPart
 from tensegrity_codegen.structure.bodies import Bar, Body, Chart, FixedBody, RigidBody
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, StructureError
@@ -18,7 +19,11 @@ Table: TypeAlias = FixedPart | BarBody | RigidPart
 
 # Sine of the angle to the pole of its chart below which a body cannot start (about 0.06 deg).
 MIN_MARGIN = 1e-3
-INERTIA_TOLERANCE = 1e-9  # by which rounded inertias of a flat body may break the triangle's inequality
+# Keys of rigid bodies beside nodes and members.
+OF_FREE_BODIES = (
+    *("centre_of_mass", "parts", "position", "quaternion", "axis", "angle_deg", "from_", "to", "matrix"),
+    "angular_velocity",
+)
 CENTRE = "centre"
 
 
@@ -51,7 +56,7 @@ def build_bodies_of_scene(tables: Mapping[str, Table], where: str) -> BuiltBodie
             v += [*(() if bar.held else table.centre_velocity or (0.0, 0.0, 0.0)), *rates]
         elif isinstance(table, RigidPart):
             bodies.append(_rigid(name, table, location))
-            q += [*_radians(table.psi_deg, table.phi_deg, table.theta_deg), *table.centre]
+            q += [*_radians(table.psi_deg, table.phi_deg, table.theta_deg), *(table.centre or ())]
             v += [
                 *_radians(table.psi_rate_deg, table.phi_rate_deg, table.theta_rate_deg),
                 *(table.centre_velocity or (0.0, 0.0, 0.0)),
@@ -89,7 +94,11 @@ def _points(tables: Mapping[str, Table], where: str) -> tuple[list[str], list[in
                 location, allowed = key_path(where, "bodies", body, "points", CENTRE), "other names"
                 hint = "rename the point"
                 raise DuplicateNameError(problem, where=location, given=CENTRE, allowed=allowed, hint=hint)
-            points = {**table.points, CENTRE: (0.0, 0.0, 0.0)}
+            points = {
+                name: entry.position if isinstance(entry, PointTable) else entry
+                for name, entry in table.points.items()
+            }
+            points[CENTRE] = (0.0, 0.0, 0.0)
         else:
             points = dict(table.points)
         names += [f"{body}.{point}" for point in points]
@@ -218,20 +227,20 @@ def _check_margin(margin: float, place: str, hint: str) -> None:
 
 
 def _rigid(name: str, table: RigidPart, place: str) -> RigidBody:
-    rows = [row for row in table.inertia if isinstance(row, tuple)]
-    problem, allowed = "neither 3 numbers nor 3 rows", "[Ixx, Iyy, Izz], or three rows of three numbers"
-    _need(len(rows) in (0, 3), problem, f"{place}.inertia", table.inertia, allowed, "do not mix the two")
-    inertia = np.array(rows) if rows else np.diag(np.array(table.inertia, dtype=float))
-    symmetric = bool(np.abs(inertia - inertia.T).max() <= 1e-9 * np.abs(inertia).max())
-    is_met, problem = symmetric and bool(np.linalg.eigvalsh(inertia)[0] > 0), "an impossible inertia"
-    allowed = "a symmetric matrix with principal values > 0"
-    _need(is_met, problem, f"{place}.inertia", inertia.tolist(), allowed, "take it about the centre of mass")
-    principal = np.linalg.eigvalsh(inertia)
-    is_met = bool(principal[2] <= (principal[0] + principal[1]) * (1 + INERTIA_TOLERANCE))
-    problem = "no body has this inertia: the largest principal value is above the sum of the others"
-    allowed = f"principal values a <= b <= c with c <= a + b, here {', '.join(f'{x:.6g}' for x in principal)}"
-    hint = "each is an integral of y^2 + z^2, z^2 + x^2 or x^2 + y^2 over the mass"
-    _need(is_met, problem, f"{place}.inertia", inertia.tolist(), allowed, hint)
+    new = [key for key in OF_FREE_BODIES if key in table.model_fields_set]
+    problem, allowed = (
+        "this belongs to bodies beside nodes and members",
+        "mass, inertia, centre, Euler angles",
+    )
+    hint = "write the tendons as members"
+    _need(not new, problem, f"{place}.{new[0] if new else ''}", new, allowed, hint)
+    for key in ("mass", "inertia", "centre"):
+        is_met, problem = getattr(table, key) is not None, "a needed key is missing"
+        _need(is_met, problem, f"{place}.{key}", None, f"the key {key!r}", f"add {key!r}")
+    assert table.mass is not None
+    assert table.inertia is not None
+    _need(table.mass > 0, "a body needs a mass above 0", f"{place}.mass", table.mass, "mass > 0 [kg]", "")
+    inertia = read_inertia(table.inertia, place)
     _check_margin(abs(math.cos(math.radians(table.phi_deg))), f"{place}.phi_deg", "turn the body's frame")
     a, b, c = ((float(x), float(y), float(z)) for x, y, z in inertia)
     return RigidBody(name, table.mass, (a, b, c))

@@ -21,8 +21,14 @@ from tensegrity_codegen.structure.contact_estimates import (
     find_surface_nodes,
 )
 from tensegrity_codegen.structure.ground import Ground
+from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
-from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, StructureError
+from tensegrity_codegen.system.errors import (
+    DuplicateNameError,
+    InvalidValueError,
+    StructureError,
+    name_list,
+)
 
 
 def find_bar_pairs(
@@ -211,6 +217,7 @@ class _Table:
         names = self.stated.contacts
         if names == "all":
             node = find_surface_nodes(subject, normal)
+            self.check_bodies(subject)
             problem = "no node can move along the normal of the ground"
             self.require(node.size > 0, problem, "contacts", "nodes that can")
             return node
@@ -224,13 +231,31 @@ class _Table:
                 raise DuplicateNameError("the contact is listed twice", where=location, given=name)
         return np.array(sorted(node_of[name] for name in names), dtype=np.int64)
 
+    def check_bodies(self, subject: Subject) -> None:
+        """Raise InvalidValueError for a body that has no point that could touch the ground."""
+        for body in subject.bodies if isinstance(subject, Structure) else ():
+            if np.isnan(body.point_radius).all():
+                raise InvalidValueError(
+                    'a body without a point that can touch the ground, where contacts = "all"',
+                    where=key_path(self.where, "bodies", body.name, "points"),
+                    given=name_list([subject.node_name[k] for k in body.point]) or "no points",
+                    allowed="a point with a radius: { position = [x, y, z], radius = r }, 0 for a sharp one",
+                    hint="give a radius to points of the body, or list the contacts of the ground",
+                )
+
     def find_radius(self, subject: Subject) -> FloatArray:
         """Return the radius of the ball about each node, (n_nodes,) [m]."""
+        bodies = subject.bodies if isinstance(subject, Structure) else ()
         if self.stated.radius != "bar":
-            return np.full(subject.n_nodes, self.stated.radius, dtype=np.float64)
-        radius = find_bar_radius(subject)
-        allowed = "a radius [m], or bars with a radius"
-        self.require(bool(radius.any()), "no bar has a radius", "radius", allowed)
+            radius = np.full(subject.n_nodes, self.stated.radius, dtype=np.float64)
+        else:
+            radius = find_bar_radius(subject)
+            allowed = "a radius [m], or bars with a radius"
+            is_met = bool(radius.any()) or bool(bodies)
+            self.require(is_met, "no bar has a radius", "radius", allowed)
+        for body in bodies:
+            stated = ~np.isnan(body.point_radius)
+            radius[np.array(body.point, dtype=np.int64)[stated]] = body.point_radius[stated]
         return radius
 
     def find_stiffness(self, force: float) -> float:

@@ -103,7 +103,8 @@ def build_member_arrays(
     connectivity, ring_nodes = _find_nodes(names, rows, node_name, where)
     strands = list_strands(connectivity, ring_nodes)
     slack_length = np.where(tension_only & ~(values["segments"] > 1), values["rest_length"], np.nan)
-    check_connectivity(strands, names, node_name, node_position, slack_length, where)
+    of_bodies = np.array(["." in name for name in node_name], dtype=np.bool_)
+    check_connectivity(strands, names, node_name, node_position, slack_length, where, of_bodies)
     length = strands.lengths(node_position)
     stiffness = {key: _or_zero(values[key]) for key in STIFFNESS}
     laws = _find_laws(values, names, is_bar, where)

@@ -58,8 +58,9 @@ def check_structure(structure: Structure, where: str = "structure") -> None:
         structure.node_position,
         np.where(structure.tension_only, structure.rest_length, np.nan),
         where,
+        structure.is_attached,
     )
-    check_freedom(structure.strands.ends, structure.node_anchored, structure.axes, structure.node_name, where)
+    check_freedom(structure.joined, structure.node_anchored, structure.axes, structure.node_name, where)
     _check_rigid_bars(structure, where)
     _check_anchored_velocity(structure, where)
     _check_plane(structure, where)

@@ -41,11 +41,12 @@ def check_connectivity(
     node_position: FloatArray,
     rest_length: FloatArray,
     where: str,
+    is_attached: NDArray[np.bool_] | None = None,
 ) -> None:
     """Raise unless every strand joins two different nodes, and no two members the same pair.
 
     Nodes may coincide where a cable joins them that is slack there. rest_length (n_members,) [m]: NaN of
-    members that cannot go slack.
+    members that cannot go slack. is_attached (n_nodes,): points of bodies, which several members may join.
     """
     start, end = strands.ends.T
     end_names = _Ends(strands.ends, node_name)
@@ -54,7 +55,9 @@ def check_connectivity(
     twice = "joins a node to itself" if strands.is_plain else "passes a node twice in a row"
     report(start == end, StructureError, f"the member {twice}", allowed="two different nodes")
     is_alone = np.bincount(strands.member, minlength=strands.n_members)[strands.member] == 1
-    straight = strands.ends if strands.is_plain else strands.ends[is_alone]
+    if is_attached is not None:
+        is_alone &= ~is_attached[strands.ends].all(axis=1)
+    straight = strands.ends[is_alone]
     _check_pairs(straight, tuple(np.array(owner, dtype=object)[is_alone]), node_name, where)
     length = strands.strand_lengths(node_position)
     problem = "the member's nodes are too far apart for its length to be a number"

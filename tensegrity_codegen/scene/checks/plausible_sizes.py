@@ -169,7 +169,7 @@ def warn_of_strong_gravity(gravity: FloatArray) -> list[str]:
 
 def warn_of_falling_pieces(structure: Structure) -> list[str]:
     """Return a warning for pieces that gravity or loads push along an axis on which nothing holds them."""
-    _, piece = find_pieces(structure.n_nodes, *structure.strands.ends.T)
+    _, piece = find_pieces(structure.n_nodes, *structure.joined.T)
     count = int(piece.max()) + 1
     sentences = []
     for axis in structure.axes:
@@ -241,7 +241,12 @@ def warn_of_imbalance(structure: Structure) -> list[str]:
     total += float(np.linalg.norm(structure.node_load, axis=1).sum())
     tension, sentences = structure.static_tension(), []
     ends = np.bincount(structure.strands.ends.ravel(), minlength=structure.n_nodes)
-    bare = (ends == 1) & (structure.lumped_mass == 0.0) & ~structure.node_load.any(axis=1)
+    bare = (
+        (ends == 1)
+        & ~structure.is_attached
+        & (structure.lumped_mass == 0.0)
+        & ~structure.node_load.any(axis=1)
+    )
     for node in np.flatnonzero(bare & (force > BALANCE_TOLERANCE * np.abs(tension).max())):
         member = int(np.flatnonzero((structure.connectivity == node).any(axis=1))[0])
         sentences.append(
@@ -301,8 +306,10 @@ def find_unbalanced(structure: Structure) -> FloatArray:
         np.add.at(mass, structure.connectivity[:, side], structure.member_mass / 2)
         np.add.at(force, strands.ends[:, side], sign * pull)
     force += mass[:, None] * structure.gravity
+    for body in structure.body_places:
+        body.gather(force)
     free = np.zeros(force.shape, dtype=bool)
-    free[:, list(structure.axes)] = ~structure.node_anchored[:, list(structure.axes)]
+    free[:, list(structure.axes)] = structure.has_coordinate[:, list(structure.axes)]
     force[~free] = 0.0
     rigid = np.flatnonzero(structure.is_rigid)
     if not rigid.size:

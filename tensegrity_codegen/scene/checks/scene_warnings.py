@@ -232,7 +232,7 @@ def _strain_warning(structure: Structure) -> str:
 
 def _pieces_warning(structure: Structure) -> str:
     """Return a warning when members fall apart into pieces that share no node."""
-    count, label = find_pieces(structure.n_nodes, *structure.strands.ends.T)
+    count, label = find_pieces(structure.n_nodes, *structure.joined.T)
     if count < 2:
         return ""
     _, start = np.unique(label, return_index=True)

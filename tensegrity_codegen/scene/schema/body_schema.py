@@ -21,6 +21,7 @@ from tensegrity_codegen.scene.schema.schema_types import (
 
 Vector3: TypeAlias = Annotated[tuple[Number, ...], Strict(False), Field(min_length=3, max_length=3)]
 Points: TypeAlias = dict[Name, Vector3]
+Quaternion: TypeAlias = Annotated[tuple[Number, ...], Strict(False), Field(min_length=4, max_length=4)]
 PointReferences: TypeAlias = Annotated[tuple[PointReference, ...], Strict(False), Field(min_length=1)]
 Row: TypeAlias = Annotated[
     Annotated[Number, Tag("@number")] | Annotated[Vector3, Tag("@row")],
@@ -83,18 +84,83 @@ class BarBody(Table):
     )
 
 
+class PartTable(Table):
+    """A shape of a rigid body: for its mass, inertia and pictures, in the frame of the body."""
+
+    kind: Literal["ball", "cylinder", "tube", "capsule", "box"] = Field(description="Kind of shape.")
+    mass: NotNegative | None = Field(None, description="Mass [kg]; or density.")
+    density: NotNegative | None = Field(None, description="Density [kg/m3].")
+    radius: Positive | None = Field(None, description="Outer radius, but of boxes [m].")
+    inner_radius: Positive | None = Field(None, description="Inner radius of a tube [m].")
+    from_: Vector3 | None = Field(
+        None, alias="from", description="First end of the axis of a cylinder, tube or capsule [m]."
+    )
+    to: Vector3 | None = Field(None, description="Second end of the axis [m].")
+    size: Annotated[tuple[Positive, ...], Strict(False), Field(min_length=3, max_length=3)] | None = Field(
+        None, description="Sides of a box [m]."
+    )
+    position: Vector3 | None = Field(None, description="Middle of a ball or box [m]; default the origin.")
+    quaternion: Quaternion | None = Field(
+        None, description="Turns a box into the frame: w, x, y, z; default none."
+    )
+
+
+class PointTable(Table):
+    """A point of a rigid body; with a radius it is the centre of a ball that touches the ground."""
+
+    position: Vector3 = Field(description="Place in the frame [m].")
+    radius: NotNegative | None = Field(None, description="Radius of the ball that touches the ground [m].")
+
+
+Point = Annotated[
+    Annotated[Vector3, Tag("@place")] | Annotated[PointTable, Tag("@table")],
+    Discriminator(lambda value: "@place" if isinstance(value, list | tuple) else "@table"),
+]
+
+
 class RigidPart(Table):
-    """A rigid body; its frame has its origin in the centre of mass, which is its point `centre`."""
+    """A rigid body.
+
+    Beside nodes and members: by mass and inertia, or by parts. Beside tendons: the origin of its frame is the
+    centre of mass, which is its point `centre`, and its orientation is given by Euler angles.
+    """
 
     kind: Literal["rigid"] = Field(description="Kind of body.")
-    mass: Positive = Field(description="Mass [kg].")
-    inertia: Annotated[tuple[Row, ...], Strict(False), Field(min_length=3, max_length=3)] = Field(
-        description="Inertia about the centre, body axes [kg m2]: 3 principal values, or 3 rows of 3."
+    mass: Number | None = Field(None, description="Mass [kg]; default that of the parts.")
+    inertia: Annotated[tuple[Row, ...], Strict(False), Field(min_length=3, max_length=3)] | None = Field(
+        None,
+        description="Inertia about the centre of mass, body axes [kg m2]: 3 principal values, or 3 rows of "
+        "3; default that of the parts.",
     )
-    points: Points = Field(
+    centre_of_mass: Vector3 | None = Field(
+        None, description="Place of the centre of mass in the frame, with `inertia` [m]; default the origin."
+    )
+    parts: Annotated[tuple[PartTable, ...], Strict(False)] = Field(
+        (), description="Shapes: their masses give mass and inertia, and pictures show them."
+    )
+    points: dict[Name, Point] = Field(
         default_factory=dict, description="Places of its points in its frame [m], by name."
     )
-    centre: Vector3 = Field(description="Position of the centre of mass [m].")
+    position: Vector3 | None = Field(None, description="Position of the origin of the frame [m].")
+    centre: Vector3 | None = Field(None, description="Position of the centre of mass [m].")
+    quaternion: Quaternion | None = Field(
+        None, description="Turns the frame into the world: w, x, y, z; normalised."
+    )
+    axis: Vector3 | None = Field(None, description="Axis of the turn by `angle_deg`; normalised.")
+    angle_deg: Number | None = Field(None, description="Angle of the turn about `axis` [deg].")
+    from_: Vector3 | None = Field(
+        None,
+        alias="from",
+        description="With `to`, in place of a position: the origin is half way, the z axis points from "
+        "`from` to `to`, x and y by the shortest turn of z [m].",
+    )
+    to: Vector3 | None = Field(None, description="See `from` [m].")
+    matrix: Annotated[tuple[Vector3, ...], Strict(False), Field(min_length=3, max_length=3)] | None = Field(
+        None, description="Rotation matrix: 3 rows, whose columns are the axes of the frame in the world."
+    )
+    angular_velocity: Vector3 | None = Field(
+        None, description="Angular velocity at the start, in the frame [rad/s]."
+    )
     psi_deg: Number = Field(0.0, description="First of the 3-1-2 Euler angles, about z [deg].")
     phi_deg: Number = Field(0.0, description="Second Euler angle, about the turned x [deg].")
     theta_deg: Number = Field(0.0, description="Third Euler angle, about the body's own y [deg].")

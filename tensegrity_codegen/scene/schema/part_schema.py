@@ -2,15 +2,16 @@
 
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import BeforeValidator, Discriminator, Field, Strict, StringConstraints, Tag
+from pydantic import BeforeValidator, Discriminator, Field, Strict, Tag
 
-from tensegrity_codegen.scene.names import NAME_PATTERN
 from tensegrity_codegen.scene.schema.schema_types import (
     FRICTION,
     WRAP,
     Anchored,
     MemberValues,
     Name,
+    NodeReference,
+    NodeReferences,
     NotNegative,
     Number,
     OfRings,
@@ -23,13 +24,8 @@ from tensegrity_codegen.scene.schema.schema_types import (
     tag_by_type,
 )
 
-# The name of a node, or in scenes of bodies "body.point".
-ContactName: TypeAlias = Annotated[
-    str, StringConstraints(pattern=rf"{NAME_PATTERN[:-1]}(\.{NAME_PATTERN[1:-1]})?$")
-]
 Contacts: TypeAlias = Annotated[
-    Annotated[Literal["all"], Tag("@all")]
-    | Annotated[tuple[ContactName, ...], Strict(False), Field(min_length=1), Tag("@names")],
+    Annotated[Literal["all"], Tag("@all")] | Annotated[NodeReferences, Tag("@names")],
     Discriminator(tag_by_type(str, "@all", "@names")),
 ]
 ContactRadius: TypeAlias = Annotated[
@@ -64,8 +60,8 @@ class GroundTable(Table):
     )
     contacts: Contacts = Field(
         "all",
-        description='Nodes that can touch the ground: "all" that can move along its normal, or a list of '
-        'names; in scenes of bodies of "body.point".',
+        description='Nodes that can touch the ground: "all" that can move along its normal, and points of '
+        'bodies with a radius; or a list of names and "body.point".',
     )
     radius: ContactRadius = Field(
         0.0, description='Radius of the ball about each contact [m]; "bar": of the bar that ends there.'
@@ -121,7 +117,7 @@ class Member(MemberValues):
     kind: Literal["bar", "cable"] | None = Field(
         None, description="Only without a class: a bar takes both signs of force, a cable tension only."
     )
-    nodes: Annotated[tuple[Reference, ...], Strict(False), Field(min_length=2)] = Field(
+    nodes: Annotated[tuple[NodeReference, ...], Strict(False), Field(min_length=2)] = Field(
         description="The two nodes that the member joins; the member vector is first minus second. Of cables "
         "also the nodes between the ends, rings through which the cable slides, in order."
     )
@@ -151,7 +147,7 @@ class Node(Table):
 class Load(Table):
     """A constant force on one node."""
 
-    node: Reference = Field(description="Name of the node.")
+    node: NodeReference = Field(description='Name of the node, or "body.point".')
     force: Vector = Field(description="Force [N], constant in direction.")
 
 
@@ -180,7 +176,7 @@ class ForceInput(Table):
 
     kind: Literal["force"] = Field(description="Kind of input.")
     name: Name = Field(description="Name of the input.")
-    nodes: References = Field(description="Names of nodes.")
+    nodes: NodeReferences = Field(description='Names of nodes, and "body.point".')
     direction: Vector = Field(description="Direction of the force; normalised, so only its direction counts.")
 
 
@@ -214,6 +210,10 @@ class Interference(Table):
 
 Names: TypeAlias = Annotated[
     Annotated[Reference, Tag("@name")] | Annotated[References, Tag("@names")],
+    Discriminator(tag_by_type(str, "@name", "@names")),
+]
+NodeNames: TypeAlias = Annotated[
+    Annotated[NodeReference, Tag("@name")] | Annotated[NodeReferences, Tag("@names")],
     Discriminator(tag_by_type(str, "@name", "@names")),
 ]
 PointNames: TypeAlias = Annotated[
@@ -258,7 +258,7 @@ class NodeSensor(Table):
 
     kind: Literal["node_position", "node_velocity"] = Field(description="What is measured.")
     name: Name | None = Field(None, description="Name of the sensor.")
-    nodes: Names | None = Field(None, description='Names of nodes; "all".')
+    nodes: NodeNames | None = Field(None, description='Names of nodes, and "body.point"; "all".')
     points: PointNames | None = Field(None, description='Scenes of bodies: points, as "body.point".')
     noise: NotNegative = Field(
         0.0, description="Standard deviation of each measured number, in its unit [m, m/s]."

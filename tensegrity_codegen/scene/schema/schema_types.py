@@ -52,6 +52,10 @@ PointReference: TypeAlias = Annotated[
     StringConstraints(pattern=f"{NAME_PATTERN[:-1]}[.]{NAME_PATTERN[1:]}"),
     Field(description="body.point"),
 ]
+NodeReference: TypeAlias = Annotated[
+    str, StringConstraints(pattern=rf"{NAME_PATTERN[:-1]}(\.{NAME_PATTERN[1:-1]})?$")
+]
+NodeReferences: TypeAlias = Annotated[tuple[NodeReference, ...], Strict(False), Field(min_length=1)]
 References: TypeAlias = Annotated[tuple[Reference, ...], Strict(False), Field(min_length=1)]
 
 Number: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]

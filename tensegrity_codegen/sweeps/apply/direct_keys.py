@@ -133,7 +133,7 @@ class _KeyReader:
         if not isinstance(case.subject, BodySystem):
             self.rigid = find_rigid_bars(case.subject, case.request)
         self.members: Mapping[str, Member | Tendon] = self.scene.tendons
-        if not self.scene.bodies:
+        if not isinstance(case.subject, BodySystem):
             self.members = list_parts(self.scene, "scene").members
         # Gains of temperature follow from rest lengths, pieces and masses of cables from those of the whole.
         stated = [*self.scene.classes.values(), *self.members.values()]

@@ -18,7 +18,8 @@ import numpy as np
 from tensegrity_codegen.structure.rigid_bars import find_rigid_bars
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
-from tensegrity_codegen.symbolic.geometry import Scalar, Vector, dot
+from tensegrity_codegen.symbolic.free_bodies import BodyFrame, add_vectors, build_body_quantities, cross
+from tensegrity_codegen.symbolic.geometry import Scalar, Vector, combine, dot
 from tensegrity_codegen.symbolic.interference import build_bar_quantities
 from tensegrity_codegen.symbolic.jacobians import by_inputs, by_parameters
 from tensegrity_codegen.symbolic.members.member import Member, MemberBlocks
@@ -81,6 +82,14 @@ WORDS |= {
 ELASTIC = ("spring_constant", "axial_stiffness", "damping")
 
 
+def find_alone_bodies(structure: Structure, bars: Sequence[int]) -> tuple[int, ...]:
+    """Return the bodies that no rigid bar holds but their own edges: their motion has a closed form."""
+    others = {int(node) for e in bars if not structure.is_edge[e] for node in structure.connectivity[e]}
+    return tuple(
+        k for k, body in enumerate(structure.bodies) if others.isdisjoint((*body.corner, *body.point))
+    )
+
+
 class _RigidBar(NodeCoordinates):
     """All expressions of one structure; every intermediate is built once, when first needed.
 
@@ -96,6 +105,9 @@ class _RigidBar(NodeCoordinates):
         self.is_corrected = options["correction"] == "first_order"
         self.keeps_scene_lengths = keeps_scene_lengths(options)
         self.q, self.v = (arguments.symbols[name] for name in ("coordinate", "velocity"))
+        self.alone = find_alone_bodies(structure, bars) if not self.is_corrected else ()
+        corners = {node for k in self.alone for node in structure.bodies[k].corner}
+        self.solved = [b for b, e in enumerate(bars) if int(structure.connectivity[e, 0]) not in corners]
 
     def constant_bars(self) -> tuple[str, ...]:
         """Return the names of the bars whose lengths no tension changes."""
@@ -134,6 +146,7 @@ class _RigidBar(NodeCoordinates):
             **self.mixed_form(),
             **self.statics(),
             **build_bar_quantities(self.bar_pairs, self.q),
+            **build_body_quantities(self.arguments.body_frames),
             **self.memory_quantities(),
         }
 
@@ -168,7 +181,8 @@ class _RigidBar(NodeCoordinates):
 
     @cached_property
     def constraints(self) -> BarConstraints:
-        return BarConstraints(self.structure, self.bars, self.map, self.inverse_mass)
+        solved = [self.bars[b] for b in self.solved]
+        return BarConstraints(self.structure, solved, self.map, self.inverse_mass)
 
     @cached_property
     def motion(self) -> RigidMotion:
@@ -177,15 +191,53 @@ class _RigidBar(NodeCoordinates):
 
     @cached_property
     def multipliers(self) -> ca.SX:
-        """Multipliers lambda, (n_bars, 1) [N/m]: force densities, positive in tension."""
+        """Multipliers lambda, (n_bars, 1) [N/m]: force densities, positive in tension.
+
+        Those of the edges of bodies that are alone are 0: see `find_alone_bodies`.
+        """
         if not self.is_corrected:
-            return self.motion.multipliers()
+            result = ca.SX.zeros(len(self.bars), 1)
+            if self.solved:
+                result[self.solved] = self.motion.multipliers()
+            return result
         bar_lengths = ca.vertcat(*self.lengths)
         pull = bar_lengths * self.stretch(2) + self.stretch(1) * self.stretch(1)
         return self.motion.multipliers() - self.constraints.solve(self.motion.matrix, pull)
 
     def acceleration(self) -> ca.SX:
-        return self.free_acceleration() - self.constraints.move(self.motion.jacobian, self.multipliers)
+        result = self.free_acceleration()
+        if self.solved:
+            multipliers = self.multipliers[self.solved]
+            result = result - self.constraints.move(self.motion.jacobian, multipliers)
+        return self._put_bodies(result, self._accelerate_body)
+
+    def _put_bodies(self, values: ca.SX, corners: Callable[[BodyFrame], list[Vector]]) -> ca.SX:
+        """Return values of coordinates with those of corners of bodies that are alone."""
+        if not self.alone:
+            return values
+        entries = ca.vertsplit(ca.densify(values))
+        for frame in (self.arguments.body_frames[k] for k in self.alone):
+            for node, vector in zip(frame.body.corner, corners(frame), strict=True):
+                for axis, value in zip(self.structure.axes, vector, strict=True):
+                    entries[self.map.index[node, axis]] = value
+        return ca.vertcat(*entries)
+
+    def _accelerate_body(self, frame: BodyFrame) -> list[Vector]:
+        """Return the accelerations of the corners of a body by the forces on its points."""
+        body, zero = frame.body, [ca.SX(0.0)] * 3
+        weight = [body.mass * g for g in self.arguments.gravity]
+        forces, moments = [weight], [zero]
+        for node, local in zip(body.point, body.point_local, strict=True):
+            forces.append(self.net_force[node])
+            arm = combine(frame.arm(local), frame.axes) if frame.arm(local) else zero
+            moments.append(cross(arm, self.net_force[node]))
+        for force in self.node_forces:
+            moments += force.body_moments().get(body.corner[0], [])
+        for node in body.corner:
+            forces.append(self.arguments.node_load[node])
+            arm = [x - y for x, y in zip(self.arguments.position[node], frame.centre, strict=True)]
+            moments.append(cross(arm, self.arguments.node_load[node]))
+        return frame.accelerate(add_vectors(forces), add_vectors(moments))
 
     def input_jacobian(self) -> ca.SX:
         if self.structure.lagging_actuators or self.structure.relaxes.any() or self.structure.sliding:
@@ -207,8 +259,10 @@ class _RigidBar(NodeCoordinates):
 
     def stretch(self, n: int = 0) -> ca.SX:
         """Return the n-th derivative of the stretch t / mu, (n_bars, 1) [m/s^n]; zero without mu."""
-        tensions = zip(self.motion.tensions(n), self.mu_inverse, strict=True)
-        return ca.vertcat(*[tension * inverse for tension, inverse in tensions])
+        result = ca.SX.zeros(len(self.bars), 1)
+        for b, tension in zip(self.solved, self.motion.tensions(n) if self.solved else (), strict=True):
+            result[b] = tension * self.mu_inverse[b]
+        return result
 
     @cached_property
     def lengths(self) -> list[Scalar]:
@@ -230,12 +284,19 @@ class _RigidBar(NodeCoordinates):
         )
 
     def consistent_coordinate(self) -> ca.SX:
-        return self.constraints.project_position(self.q, self.arguments.position, self.lengths)
+        lengths = [self.lengths[b] for b in self.solved]
+        result = self.q
+        if lengths:
+            result = self.constraints.project_position(self.q, self.arguments.position, lengths)
+        return self._put_bodies(result, BodyFrame.straighten)
 
     def consistent_velocity(self) -> ca.SX:
         change = self.stretch(1) if self.is_corrected else ca.SX.zeros(len(self.bars), 1)
-        rates = [bar_length * change[b] for b, bar_length in enumerate(self.lengths)]
-        return self.constraints.project_velocity(self.arguments.position, self.v, rates)
+        rates = [self.lengths[b] * change[b] for b in self.solved]
+        result = self.v
+        if rates:
+            result = self.constraints.project_velocity(self.arguments.position, self.v, rates)
+        return self._put_bodies(result, BodyFrame.straighten_velocity)
 
     def rigidity_error(self) -> ca.SX:
         """Return the neglected part of the bars' lengths: stretch, or the inertia of its change."""

@@ -23,6 +23,7 @@ import numpy as np
 from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
+from tensegrity_codegen.symbolic.free_bodies import BodyFrame, cross
 from tensegrity_codegen.symbolic.geometry import Scalar, Vector, dot
 from tensegrity_codegen.symbolic.node_forces.node_force import NodeForce, NormalForce
 from tensegrity_codegen.system.arrays import FloatArray
@@ -42,6 +43,8 @@ class GroundContact(NodeForce):
         self.ground = ground
         self.names = structure.contact_name
         self.contacts: list[Contact] = []
+        self.rolling: dict[int, tuple[BodyFrame, Vector]] = {}  # contact -> body, arm from node to contact
+        frames = {node: frame for frame in arguments.body_frames for node in frame.body.point}
         for k, (node, radius) in enumerate(zip(ground.node.tolist(), ground.radius.tolist(), strict=True)):
             at, rate = arguments.position[node], arguments.velocity[node]
             tangents = range(1, count_bristles(structure) + 1)
@@ -53,18 +56,41 @@ class GroundContact(NodeForce):
                 bristle = [_along(tangent, at) - stick for tangent, stick in stuck]
             slips = arguments.internal.get(f"{self.names[k]}_slips")
             law = put_numbers(ground, arguments.ground)
-            contact = build_contact(ground, law, structure.axes, (at, rate), radius, bristle, slips)
+            slip = rate
+            if radius and node in frames:  # the surface of a ball moves by the spin of its body
+                frame = frames[node]
+                arm = frame.components([ca.SX(-radius * n) for n in ground.normal])
+                self.rolling[k] = frame, arm
+                slip = [v + w for v, w in zip(rate, frame.rate_of(arm), strict=True)]
+            contact = build_contact(ground, law, structure.axes, (at, rate, slip), radius, bristle, slips)
             self.contacts.append(contact)
 
     def forces(self) -> Mapping[int, Vector]:
         """Return node -> force of the ground on it [N]."""
-        return {node: c.force for node, c in zip(self.ground.node.tolist(), self.contacts, strict=True)}
+        return self._collect(lambda contact: contact.force, lambda contact: contact.friction_force)
 
     def static_forces(self) -> Mapping[int, Vector]:
         """Return node -> force of the ground on it at rest, k d^p n - kt s [N]."""
-        return {
-            node: c.static_force() for node, c in zip(self.ground.node.tolist(), self.contacts, strict=True)
-        }
+        return self._collect(Contact.static_force, Contact.static_friction_force)
+
+    def body_moments(self) -> Mapping[int, list[Vector]]:
+        """Return first corner of a body -> moments of friction about the centres of its balls [N m]."""
+        moments: dict[int, list[Vector]] = {}
+        for k, (frame, _) in self.rolling.items() if self.ground.friction else ():
+            arm = [-self.contacts[k].radius * float(n) for n in self.ground.normal]
+            moment = cross(arm, self.contacts[k].friction_force)
+            moments.setdefault(frame.body.corner[0], []).append(moment)
+        return moments
+
+    def _collect(
+        self, force: Callable[["Contact"], Vector], friction: Callable[["Contact"], Vector]
+    ) -> dict[int, Vector]:
+        """Return node -> force; friction at the surface of a ball turns its body by forces on corners."""
+        forces = dict(zip(self.ground.node.tolist(), map(force, self.contacts), strict=True))
+        for k, (frame, arm) in self.rolling.items() if self.ground.friction else ():
+            for node, part in frame.couple(arm, friction(self.contacts[k])).items():
+                forces[node] = [x + y for x, y in zip(forces.get(node, [0.0] * 3), part, strict=True)]
+        return forces
 
     def static_stiffness(self) -> Mapping[int, ca.SX]:
         """Return node -> p k d^(p-1) n n^T where the ground presses [N/m]."""
@@ -118,12 +144,12 @@ def build_contact(
     ground: Ground,
     law: ContactLaw,
     axes: tuple[int, ...],
-    motion: tuple[Vector, Vector],
+    motion: tuple[Vector, Vector, Vector],
     radius: Scalar,
     bristle: Vector,
     slips: Scalar | None = None,
 ) -> "Contact":
-    """Return one contact; law: see put_numbers; motion: position and velocity of its node.
+    """Return one contact; law: see put_numbers; motion: position and velocity of its node, and that of slip.
 
     These are over the modelled axes; bristle: one a tangent.
 
@@ -145,6 +171,7 @@ class Contact:
     belt: FloatArray
     position: Vector
     velocity: Vector
+    surface_velocity: Vector
     radius: Scalar
     bristle: Vector
     slips: Scalar | None = None
@@ -168,7 +195,8 @@ class Contact:
     def slip_velocity(self) -> Vector:
         """Velocity v relative to the belt, along the basis of the plane [m/s]."""
         belt = self.basis @ self.belt
-        return [_along(t, self.velocity) - float(b) for t, b in zip(self.basis, belt, strict=True)]
+        speeds = zip(self.basis, belt, strict=True)
+        return [_along(t, self.surface_velocity) - float(b) for t, b in speeds]
 
     @cached_property
     def trial_force(self) -> Vector:
@@ -212,18 +240,28 @@ class Contact:
     @cached_property
     def force(self) -> Vector:
         """Force on the node N n - F, over the modelled axes [N]."""
-        result = [self.normal_force.force * float(n) for n in self.normal]
-        for f, tangent in zip(self.friction, self.basis, strict=True):
+        return self._pull([self.normal_force.force * float(n) for n in self.normal], self.friction)
+
+    @property
+    def friction_force(self) -> Vector:
+        """Friction on the node -F, over the modelled axes [N]."""
+        return self._pull([ca.SX(0.0)] * len(self.normal), self.friction)
+
+    def _pull(self, result: Vector, friction: Vector) -> Vector:
+        """Return a force less the friction along the basis."""
+        for f, tangent in zip(friction, self.basis, strict=True):
             result = [r - f * float(t) for r, t in zip(result, tangent, strict=True)]
         return result
 
     def static_force(self) -> Vector:
         """Force on the node at rest, its bristle below the limit, over the modelled axes [N]."""
-        result = [self.normal_force.elastic_force * float(n) for n in self.normal]
-        for s, tangent in zip(self.bristle, self.basis, strict=True):
-            pull = self.ground.stick_stiffness * s
-            result = [r - pull * float(t) for r, t in zip(result, tangent, strict=True)]
-        return result
+        normal = [self.normal_force.elastic_force * float(n) for n in self.normal]
+        return self._pull(normal, [self.ground.stick_stiffness * s for s in self.bristle])
+
+    def static_friction_force(self) -> Vector:
+        """Return the part of the force at rest along the plane, over the modelled axes [N]."""
+        friction = [self.ground.stick_stiffness * s for s in self.bristle]
+        return self._pull([ca.SX(0.0)] * len(self.normal), friction)
 
     def energy(self) -> Scalar:
         """Return the energy of compressed ground and deflected bristle [J]."""

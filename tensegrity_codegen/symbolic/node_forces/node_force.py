@@ -32,6 +32,10 @@ class NodeForce(Memory):
         """
         return {}
 
+    def body_moments(self) -> Mapping[int, list[Vector]]:
+        """Return first corner of a body -> moments on it that `forces` has as forces on corners [N m]."""
+        return {}
+
     def static_stiffness(self) -> Mapping[int, ca.SX]:
         """Return node -> Hessian of `stored_energy` with constant z, (n_axes, n_axes) [N/m]."""
         return {}

@@ -8,7 +8,8 @@ run-time parameters, stacked in argument order), `n_varied` = n_states + n_param
 `n_bar_points` = 2 n_bar_pairs, `n_law_values` = 3 + n_axes, `n_tension_only` (members that pull only),
 `n_switches` (members whose law switches its slope), `n_contacts` (nodes that can touch the ground),
 `n_yields` (two for each plastic member), `n_motors` (with a time constant), `n_rings` (with friction),
-`n_ring_sides` = 2 n_rings; `k` is the number of nodes or members that the scene keeps changeable.
+`n_ring_sides` = 2 n_rings, `n_bodies` (free rigid bodies), `n_rotation` = 9; `k` is the number of nodes or
+members that the scene keeps changeable.
 """
 
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Quantities of bodies in minimal coordinates."""
+"""Quantities of rigid bodies."""
 
 from tensegrity_codegen.tables.quantities.quantity import Quantity
 
@@ -33,5 +33,17 @@ BODIES = (
         "chart_margin", "sin", "1", ("n_charts",),
         "Sine of the angle from each bar to the pole of its chart, cos(phi) of a rigid body; 0 at the pole.",
         "SCS 3",
+    ),
+    Quantity(
+        "body_position", "r_c", "m", ("n_bodies", "n_axes"),
+        "Positions of the centres of mass of free bodies.",
+    ),
+    Quantity(
+        "body_axes", "R", "1", ("n_bodies", "n_rotation"),
+        "Rotation matrix of each free body, row by row: its columns are the axes of the body's frame.",
+    ),
+    Quantity(
+        "body_angular_velocity", "omega", "rad/s", ("n_bodies", "n_axes"),
+        "Angular velocity of each free body, in the axes of its frame.",
     ),
 )  # fmt: skip
