@@ -19,7 +19,7 @@ class Tolerance:
 
     |x| and the error are lengths of the node's vectors. atol [m], atol_speed [m/s]; first (n_groups,): index
     of the first coordinate of each node; name (n_groups,): what to call it; length [m]: of the structure.
-    Coordinates that are not positions of nodes are groups of their own. speed_share, least_speed [m/s]: where
+    Coordinates that are not positions of nodes are groups of their own; points of bodies are groups too. speed_share, least_speed [m/s]: where
     no tolerance of velocities is given, that is this share of the largest speed, and at least this.
     """
 
@@ -31,6 +31,7 @@ class Tolerance:
     length: float = 1.0
     speed_share: float = 0.0
     least_speed: float = 0.0
+    points: FloatArray | None = None  # (3 n_points, n_coordinates): from coordinates to points of bodies
 
     def measure(self, states: FloatArray) -> "Tolerance":
         """Return the tolerance with that of velocities by the largest speed in states (n_t, n_states)."""
@@ -41,7 +42,10 @@ class Tolerance:
 
     def lengths(self, states: FloatArray) -> FloatArray:
         """Return the lengths of the vectors in states (n_t, n_states): (n_t, 2 n_groups), positions first."""
-        squares = np.square(states).reshape(len(states), 2, -1)
+        moving = states.reshape(len(states), 2, -1)
+        if self.points is not None:
+            moving = np.concatenate([moving, moving @ self.points.T], axis=2)
+        squares = np.square(moving)
         return np.asarray(np.sqrt(np.add.reduceat(squares, self.first, axis=2)).reshape(len(states), -1))
 
     def allowed(self, states: FloatArray) -> FloatArray:
@@ -81,7 +85,19 @@ def tolerance_for(
 ) -> Tolerance:
     """Return the tolerance of a model's states; atol_speed: the same number as atol if not given."""
     first, groups = manifest.vectors
-    return Tolerance(rtol, atol, atol if atol_speed is None else atol_speed, first, groups, length)
+    result = Tolerance(rtol, atol, atol if atol_speed is None else atol_speed, first, groups, length)
+    nodes = np.array([node for body in manifest.body_places for node in body.point], dtype=np.int64)
+    if not nodes.size:
+        return result
+    count = len(manifest.coordinate_name)
+    row, column, value = manifest.node_motions
+    points = np.zeros((3 * len(manifest.node_name), count))
+    points[row, column] = value
+    first = np.concatenate([first, count + 3 * np.arange(len(nodes))])
+    names = (*groups, *(f"node {manifest.node_name[node]}" for node in nodes))
+    return replace(
+        result, first=first, name=names, points=points.reshape(-1, 3, count)[nodes].reshape(-1, count)
+    )
 
 
 def compare_runs(
