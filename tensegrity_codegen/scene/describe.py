@@ -17,10 +17,13 @@ from tensegrity_codegen.structure.actuators import (
 )
 from tensegrity_codegen.structure.bodies import Bar, Body, BodyInput, BodySystem, RigidBody
 from tensegrity_codegen.structure.contact_estimates import Subject, find_bar_radius, find_surface_nodes
+from tensegrity_codegen.structure.free_bodies import BodyPart, FreeBody
 from tensegrity_codegen.structure.ground import CHANGEABLE
 from tensegrity_codegen.structure.limits import MEMBER_LIMITS
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.tables.body_places import compute_spins, place_bodies
 from tensegrity_codegen.tables.request import ModelRequest
 
 
@@ -112,7 +115,6 @@ def describe_ground(subject: Subject, name_node: Callable[[int], str]) -> dict[s
         "offset": float(ground.offset),
         "velocity": ground.velocity.tolist() if ground.velocity.any() else None,
         "contacts": "all" if is_all else [name_node(int(node)) for node in ground.node],
-        "radius": float(ground.radius[0]),
         "stiffness": float(ground.stiffness),
         "exponent": float(ground.exponent),
         "dissipation": float(ground.dissipation),
@@ -121,8 +123,13 @@ def describe_ground(subject: Subject, name_node: Callable[[int], str]) -> dict[s
         "stick_stiffness": float(ground.stick_stiffness) or None,
         "stick_damping": float(ground.stick_damping) or None,
     }
-    if (ground.radius != ground.radius[0]).any():
-        if not np.array_equal(ground.radius, find_bar_radius(subject)[ground.node]):
+    own = np.ones(ground.n_contacts, dtype=np.bool_)
+    if isinstance(subject, Structure):
+        own = ~np.isin(ground.node, _find_points_with_radius(subject))
+    radius = ground.radius[own]
+    table["radius"] = float(radius[0]) if radius.size else 0.0
+    if radius.size and (radius != radius[0]).any():
+        if not np.array_equal(radius, find_bar_radius(subject)[ground.node[own]]):
             problem, location = "radii of contacts that a scene cannot state", "ground.radius"
             allowed = "one radius, or those of the bars that end at the contacts"
             raise InvalidValueError(problem, where=location, given=ground.radius.tolist(), allowed=allowed)
@@ -146,18 +153,25 @@ _NODE_PARAMETERS = ("node_mass", "node_load", "anchor_position")
 def describe_structure(structure: Structure, request: ModelRequest | None = None) -> dict[str, Any]:
     """Return the flat scene document of `structure`, bit by bit; `request` adds its sections."""
     document: dict[str, Any] = {"name": structure.name}
+    node_name = name_points(structure)
     document["axes"] = "".join(_LETTERS[axis] for axis in structure.axes)
     document["large"] = structure.is_large
     if np.any(structure.gravity):
         document["gravity"] = structure.gravity.tolist()
     if request is not None:
-        document |= describe_request(request, structure.node_name, structure.member_name)
+        document |= describe_request(request, node_name, structure.member_name)
     kinds = {name: _kind(bar) for name, bar in zip(structure.member_class, structure.is_bar, strict=True)}
     document["classes"] = {name: {"kind": kind} for name, kind in kinds.items() if name}
-    document["nodes"] = {name: _describe_node(structure, i) for i, name in enumerate(structure.node_name)}
-    document["members"] = {
-        name: _describe_member(structure, e) for e, name in enumerate(structure.member_name)
+    inside = {node for body in structure.bodies for node in (*body.corner, *body.point)}
+    document["nodes"] = {
+        name: _describe_node(structure, i) for i, name in enumerate(node_name) if i not in inside
     }
+    document["members"] = {
+        name: _describe_member(structure, e, node_name)
+        for e, name in enumerate(structure.member_name)
+        if not structure.is_edge[e]
+    }
+    document["bodies"] = {body.name: _describe_free_body(structure, body) for body in structure.bodies}
     for owner, values in share_values(document["members"], structure).items():
         document["classes"][owner] |= values
     document["groups"] = {
@@ -177,14 +191,13 @@ def describe_structure(structure: Structure, request: ModelRequest | None = None
     if structure.interference is not None:
         name = structure.member_name
         document["interference"]["pairs"] = [[name[i], name[j]] for i, j in structure.interference]
-    document["ground"] = describe_ground(structure, lambda i: structure.node_name[i])
+    document["ground"] = describe_ground(structure, lambda i: node_name[i])
     loaded = np.flatnonzero(np.any(structure.node_load != 0, axis=1))
-    document["loads"] = [
-        {"node": structure.node_name[i], "force": structure.node_load[i].tolist()} for i in loaded
-    ]
+    document["loads"] = [{"node": node_name[i], "force": structure.node_load[i].tolist()} for i in loaded]
     motors = {actuator.name for actuator in structure.actuators}
-    document["inputs"] = [_describe_input(structure, u) for u in structure.inputs if u.name not in motors]
-    document |= describe_control(structure, "nodes", lambda i: structure.node_name[i])
+    inputs = [u for u in structure.inputs if u.name not in motors]
+    document["inputs"] = [_describe_input(structure, u, node_name) for u in inputs]
+    document |= describe_control(structure, "nodes", lambda i: node_name[i])
     return {key: value for key, value in document.items() if value}
 
 
@@ -204,10 +217,75 @@ def _describe_node(structure: Structure, i: int) -> dict[str, Any]:
     return node
 
 
-def _describe_member(structure: Structure, e: int) -> dict[str, Any]:
+def name_points(structure: Structure) -> tuple[str, ...]:
+    """Return the names of nodes as scenes write them, points of bodies as "body.point"."""
+    names = list(structure.node_name)
+    for body in structure.bodies:
+        for node in body.point:
+            names[node] = f"{body.name}.{names[node].removeprefix(f'{body.name}_')}"
+    return tuple(names)
+
+
+def _find_points_with_radius(structure: Structure) -> list[int]:
+    return [
+        node
+        for body in structure.bodies
+        for node, radius in zip(body.point, body.point_radius, strict=True)
+        if not math.isnan(radius)
+    ]
+
+
+def _describe_free_body(structure: Structure, body: FreeBody) -> dict[str, Any]:
+    """Return the table of a rigid body; its place is exact to rounding."""
+    table: dict[str, Any] = {"kind": "rigid", "mass": body.mass, "inertia": body.inertia.tolist()}
+    if body.centre.any():
+        table["centre_of_mass"] = body.centre.tolist()
+    points: dict[str, Any] = {}
+    for node, local, radius in zip(body.point, body.point_local.tolist(), body.point_radius, strict=True):
+        name = structure.node_name[node].removeprefix(f"{body.name}_")
+        points[name] = local if math.isnan(radius) else {"position": local, "radius": float(radius)}
+    table |= {"points": points} if points else {}
+    table |= {"parts": [_describe_part(part) for part in body.parts]} if body.parts else {}
+    place = body.place()
+    (centre,), (axes,) = place_bodies([place], structure.node_position)
+    table |= {"centre": centre.tolist(), "matrix": axes.tolist()}
+    velocity = np.array(place.centre) @ structure.node_velocity[list(body.corner)]
+    spin = compute_spins([place], structure.node_position, structure.node_velocity)[0]
+    table |= {"centre_velocity": velocity.tolist()} if velocity.any() else {}
+    return table | ({"angular_velocity": spin.tolist()} if spin.any() else {})
+
+
+def _describe_part(part: BodyPart) -> dict[str, Any]:
+    """Return the table of a shape without its mass, which the body states."""
+    table: dict[str, Any] = {"kind": part.kind}
+    if part.kind in ("ball", "box"):
+        table["position"] = part.position.tolist()
+        if part.kind == "ball":
+            return table | {"radius": part.size[0]}
+        return table | {"size": list(part.size), "quaternion": _find_quaternion(part.axes)}
+    half = part.axes[:, 2] * part.size[-1] / 2.0
+    table |= {"radius": part.size[0]} | ({"inner_radius": part.size[1]} if part.kind == "tube" else {})
+    return table | {"from": (part.position - half).tolist(), "to": (part.position + half).tolist()}
+
+
+def _find_quaternion(axes: FloatArray) -> list[float]:
+    """Return w, x, y, z of a rotation matrix: the eigenvector of its largest eigenvalue."""
+    r = axes
+    square = np.array(
+        [
+            [np.trace(r), r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
+            [0.0, 2 * r[0, 0] - np.trace(r), r[0, 1] + r[1, 0], r[0, 2] + r[2, 0]],
+            [0.0, 0.0, 2 * r[1, 1] - np.trace(r), r[1, 2] + r[2, 1]],
+            [0.0, 0.0, 0.0, 2 * r[2, 2] - np.trace(r)],
+        ]
+    )
+    return list(map(float, np.linalg.eigh(square, UPLO="U")[1][:, -1]))
+
+
+def _describe_member(structure: Structure, e: int, node_name: Sequence[str]) -> dict[str, Any]:
     owner = structure.member_class[e]
     member: dict[str, Any] = {"class": owner} if owner else {"kind": _kind(structure.is_bar[e])}
-    member["nodes"] = [structure.node_name[i] for i in structure.path(e)]
+    member["nodes"] = [node_name[i] for i in structure.path(e)]
     return member | describe_values(structure, e, two_sided=not structure.is_bar[e])
 
 
@@ -222,10 +300,10 @@ def describe_values(subject: Structure | BodySystem, e: int, *, two_sided: bool)
     return values | ({"tension_only": False} if two_sided and not subject.tension_only[e] else {})
 
 
-def _describe_input(structure: Structure, item: ActuatedInput) -> dict[str, Any]:
+def _describe_input(structure: Structure, item: ActuatedInput, node_name: Sequence[str]) -> dict[str, Any]:
     if item.kind != "force":
         return describe_rest_length_input(item, structure.member_name)
-    names = [structure.node_name[i] for i in item.targets]
+    names = [node_name[i] for i in item.targets]
     return {"name": item.name, "kind": item.kind, "nodes": names, "direction": list(item.direction)}
 
 

@@ -19,8 +19,9 @@ class Tolerance:
 
     |x| and the error are lengths of the node's vectors. atol [m], atol_speed [m/s]; first (n_groups,): index
     of the first coordinate of each node; name (n_groups,): what to call it; length [m]: of the structure.
-    Coordinates that are not positions of nodes are groups of their own; points of bodies are groups too. speed_share, least_speed [m/s]: where
-    no tolerance of velocities is given, that is this share of the largest speed, and at least this.
+    Coordinates that are not positions of nodes are groups of their own, points of bodies are groups too.
+    speed_share, least_speed [m/s]: where no tolerance of velocities is given, that is this share of the
+    largest speed, and at least this.
     """
 
     rtol: float
