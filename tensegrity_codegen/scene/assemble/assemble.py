@@ -122,9 +122,9 @@ def _of_nodes(
     ]
     for section, is_there in foreign:
         if is_there:
-            problem, location = "this belongs to a scene of bodies", key_path(where, section)
-            allowed = "nodes and members, loads on nodes, and inputs of rest_length, temperature and force"
-            hint = "describe everything as bodies and tendons, or everything as nodes and members"
+            problem, location = "this belongs to a scene of bodies with angles", key_path(where, section)
+            allowed = 'loads and forces on nodes and on points of bodies, node = "body.point"'
+            hint = "name points of bodies as nodes; a torque is two opposite forces on points of the body"
             raise InvalidValueError(problem, where=location, given=section, allowed=allowed, hint=hint)
     if find_formulation(scene.model.formulation).of_bodies:
         problem = f"formulation {scene.model.formulation!r} needs bodies"

@@ -263,9 +263,12 @@ def _check_kind(scene: Scene, where: str) -> None:
     }
     for key, is_there in foreign.items():
         if is_there:
-            problem, location = "a scene of bodies has no such key", key_path(where, key)
+            problem, location = "a scene of bodies with angles has no such key", key_path(where, key)
             allowed = "bodies and tendons, in all three axes"
-            hint = "a fixed point is a body of kind fixed; a cable is a tendon"
+            hint = (
+                "a fixed point is a body of kind fixed, a cable is a tendon; beside nodes and members stand "
+                'bodies of kind rigid alone, without tendons and without formulation = "bodies"'
+            )
             raise InvalidValueError(problem, where=location, given=key, allowed=allowed, hint=hint)
     if "formulation" in scene.model.model_fields_set and scene.model.formulation != BODIES:
         problem = f"bodies are modelled by the formulation {BODIES!r} only"

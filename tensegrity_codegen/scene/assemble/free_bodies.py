@@ -304,8 +304,8 @@ def turn_to(direction: FloatArray) -> FloatArray:
 
 def _unit(vector: Any, key: str, place: str) -> FloatArray:
     array = np.array(vector, dtype=float)
-    size = float(np.linalg.norm(array))
-    _Need(place)(0 < size < math.inf, "a vector of length zero", key, vector, "a vector that is not zero")
+    size, given = float(np.linalg.norm(array)), array.tolist()
+    _Need(place)(0 < size < math.inf, "a vector of length zero", key, given, "a vector that is not zero")
     return np.array(array / size)
 
 

@@ -60,6 +60,7 @@ def check_structure(structure: Structure, where: str = "structure") -> None:
         where,
         structure.is_attached,
     )
+    _check_masses_on_bodies(structure, where)
     check_freedom(structure.joined, structure.node_anchored, structure.axes, structure.node_name, where)
     _check_rigid_bars(structure, where)
     _check_anchored_velocity(structure, where)
@@ -98,6 +99,22 @@ def _check_kinds(structure: Structure, where: str) -> None:
             location = key_path(where, "interference")
             problem = "no pair of bars"
             raise InvalidValueError(problem, where=location, given=pair, allowed="indices of two bars")
+
+
+def _check_masses_on_bodies(structure: Structure, where: str) -> None:
+    """Raise InvalidValueError for masses at points of bodies, which have the mass of their body alone."""
+    at_points = structure.is_attached
+    refuse(
+        at_points & (structure.node_mass > 0), InvalidValueError, "a point of a body has no mass of its own",
+        section="nodes", names=structure.node_name, where=where, key="mass", given=structure.node_mass,
+        allowed="0", hint="add the mass to the body, as one of its parts",
+    )  # fmt: skip
+    refuse(
+        at_points[structure.connectivity].any(axis=1) & (structure.member_mass > 0), InvalidValueError,
+        "a member with mass ends at a point of a body", section="members", names=structure.member_name,
+        where=where, key="mass", given=structure.member_mass, allowed="members without mass at bodies",
+        hint="add half of its mass to the body, as one of its parts, and half to its other node",
+    )  # fmt: skip
 
 
 def _check_rings(structure: Structure, where: str) -> None:
