@@ -226,7 +226,7 @@ MAX_LINES = {
     "pipeline": 3_750,
     "report": 5_450,
     "runtime": 21_450,
-    "scene": 12_350,  # rigid bodies with parts
+    "scene": 12_400,  # rigid bodies with parts
     "structure": 3_550,  # rigid bodies
     "studies": 7_900,
     "sweeps": 8_900,
@@ -377,7 +377,11 @@ SECTIONS: dict[str, tuple[type[BaseModel], ...]] = {
     "## [[loads]]": (schema.Load,),
     "## [[inputs]]": (schema.RestLengthInput, schema.TemperatureInput, schema.ForceInput),
     "## [[actuators]]": (part_schema.ActuatorTable,),
-    "## [[sensors]]": (part_schema.MemberSensor, part_schema.NodeSensor),
+    "## [[sensors]]": (
+        part_schema.MemberSensor,
+        part_schema.NodeSensor,
+        part_schema.BodySensor,
+    ),
     "## [limits]": (part_schema.LimitsTable,),
     "## Rigid bodies": (body_schema.RigidPart,),
     '`kind = "prism"`': (PrismShape,),

@@ -9,6 +9,7 @@ import numpy as np
 
 from tensegrity_codegen.scene.assemble.control import find_limited
 from tensegrity_codegen.structure.actuators import (
+    BODY_SENSORS,
     MEMBER_SENSORS,
     REST_LENGTH_KINDS,
     UNLIMITED,
@@ -53,6 +54,8 @@ def _describe_sensor(
     table["kind"] = item.kind
     if item.kind in MEMBER_SENSORS:
         table["members"] = [subject.member_name[e] for e in item.targets]
+    elif item.kind in BODY_SENSORS:
+        table["bodies"] = [subject.bodies[k].name for k in item.targets]
     else:
         table[key] = [name_node(node) for node in item.targets]
     return table | ({"noise": float(item.noise)} if item.noise else {})

@@ -6,10 +6,13 @@ from typing import Literal, TypeAlias
 
 from tensegrity_codegen.tables.manifest import MOTOR_END
 
-SensorKind: TypeAlias = Literal["member_length", "member_tension", "node_position", "node_velocity"]
+SensorKind: TypeAlias = Literal[
+    "member_length", "member_tension", "node_position", "node_velocity", "angular_velocity"
+]
 
 MEMBER_SENSORS: tuple[SensorKind, ...] = ("member_length", "member_tension")
 NODE_SENSORS: tuple[SensorKind, ...] = ("node_position", "node_velocity")
+BODY_SENSORS: tuple[SensorKind, ...] = ("angular_velocity",)
 UNLIMITED = (0.0, math.inf)  # the range of an actuator that has none
 REST_LENGTH_KINDS = ("rest_length", "temperature")  # kinds of inputs that change rest lengths
 
@@ -80,10 +83,10 @@ class Sensor:
     Attributes
     ----------
     kind : str
-        ``"member_length"`` [m], ``"member_tension"`` [N], ``"node_position"`` [m] or ``"node_velocity"``
-        [m/s].
+        ``"member_length"`` [m], ``"member_tension"`` [N], ``"node_position"`` [m], ``"node_velocity"``
+        [m/s], or ``"angular_velocity"`` [rad/s], a gyro in the axes of its body.
     targets : tuple of int
-        Indices of members, or of nodes.
+        Indices of members, of nodes, or of bodies.
     noise : float
         Standard deviation of each measured number, in the unit of the kind.
     name : str

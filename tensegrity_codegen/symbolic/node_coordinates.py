@@ -181,7 +181,10 @@ class NodeCoordinates:
     def node_quantities(self) -> dict[str, Callable[[], ca.SX]]:
         """Return the builders of all quantities of nodes."""
         stacks = {"n_coordinates": self.map.free, "n_anchored_coordinates": self.map.anchored}
-        return build_node_quantities(self.node_values(), self.structure.n_nodes, stacks)
+        has_states = bool(self.structure.bodies)  # points of bodies have no coordinates
+        return build_node_quantities(
+            self.node_values(), self.structure.n_nodes, stacks, has_states=has_states
+        )
 
     # Two-sided linear members apart from the others, for integrators whose unknowns their tensions are
 

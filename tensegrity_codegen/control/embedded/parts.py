@@ -245,9 +245,12 @@ def find_quantities(parts: ControllerParts) -> tuple[str, ...]:
         quantities.append("acceleration")
         quantities += ["mass_matrix"] if len(parts.disturbed) else []
         # Places of nodes are coordinates themselves in some models.
+        points = {node for body in parts.manifest.body_places for node in body.point}
         in_nodes = bool(parts.manifest.coordinate_node_axis)
-        kinds = [sensor.kind for sensor in parts.sensors]
-        quantities += [kind for kind in kinds if not (in_nodes and kind.startswith("node_"))]
+        for sensor in parts.sensors:
+            is_stated = in_nodes and points.isdisjoint(sensor.targets)
+            if not (sensor.kind.startswith("node_") and is_stated):
+                quantities.append({"angular_velocity": "body_angular_velocity"}.get(sensor.kind, sensor.kind))
     if parts.mpc is not None:
         quantities += ["acceleration", "state_jacobian", "input_jacobian"]
     if parts.distribution is not None or (parts.mpc is not None and len(parts.mpc.cables.limited)):

@@ -57,11 +57,15 @@ def _measure(sensor: Sensor, manifest: Manifest) -> list[MeasuredNumber]:
         is_length = sensor.kind == "member_length"
         return [MeasuredNumber(sensor.kind, e, is_length=is_length) for e in sensor.targets]
     axes, coordinates = manifest.axes, [tuple(row) for row in manifest.coordinate_node_axis]
+    if sensor.kind == "angular_velocity":
+        places = [(body, column) for body in sensor.targets for column in range(len(axes))]
+        return [MeasuredNumber("body_angular_velocity", len(axes) * body + k) for body, k in places]
     moves = sensor.kind == "node_velocity"
+    points = {node for body in manifest.body_places for node in body.point}
     numbers = []
     for node in sensor.targets:
         for column, axis in enumerate(axes):
-            if not coordinates:
+            if not coordinates or node in points:
                 numbers.append(MeasuredNumber(sensor.kind, node * len(axes) + column))
             elif (node, axis) in coordinates:
                 source = "velocity" if moves else "coordinate"

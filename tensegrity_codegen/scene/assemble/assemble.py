@@ -89,7 +89,7 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
         groups=targets.groups,
         inputs=(*acting, *(ActuatedInput(entry.name, "rest_length", entry.members) for entry in actuators)),
         actuators=actuators,
-        sensors=build_sensors(scene.sensors, targets),
+        sensors=build_sensors(scene.sensors, targets, bodies=[body.name for body in bodies]),
         sliding=sliding,
         is_large=scene.large,
         bodies=free_bodies,

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.assemble.targets import Targets, check_new_name, refuse_members
-from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.scene.names import check_known, key_path
 from tensegrity_codegen.scene.schema.part_schema import (
     ActuatorTable,
+    BodySensor,
     LimitsTable,
     MemberLimits,
     MemberSensor,
@@ -60,13 +61,15 @@ def build_actuators(
 
 
 def build_sensors(
-    stated: Sequence[MemberSensor | NodeSensor],
+    stated: Sequence[MemberSensor | NodeSensor | BodySensor],
     targets: Targets,
     find_point: Callable[..., int] | None = None,
+    bodies: Sequence[str] = (),
 ) -> tuple[Sensor, ...]:
     """Return the sensors of a scene.
 
-    find_point: returns the node of "body.point" in a scene of bodies, None in one of nodes.
+    find_point: returns the node of "body.point" in a scene of bodies with angles, None in one of nodes;
+    bodies: names of those beside nodes.
     """
     built: list[Sensor] = []
     for number, sensor in enumerate(stated):
@@ -77,6 +80,8 @@ def build_sensors(
             every = tuple(range(len(targets.member_name)))
             keys = ("sensors", number, "members")
             rows = every if sensor.members == "all" else _find_members(sensor.members, targets, *keys)
+        elif isinstance(sensor, BodySensor):
+            rows = _find_bodies(sensor, number, targets, bodies)
         else:
             rows = _find_nodes(sensor, number, targets, find_point)
         built.append(Sensor(sensor.kind, rows, sensor.noise, name))
@@ -132,6 +137,20 @@ def _find_nodes(
         return (find_point(name, *keys),)
 
     return _find_each_once(requested, find, targets.node_name, targets.where, keys)
+
+
+def _find_bodies(item: BodySensor, number: int, targets: Targets, bodies: Sequence[str]) -> tuple[int, ...]:
+    """Return the bodies of a gyro."""
+    keys = ("sensors", number, "bodies")
+    if item.bodies == "all" and bodies:
+        return tuple(range(len(bodies)))
+
+    def find(name: str) -> tuple[int, ...]:
+        allowed = "names of bodies of kind rigid beside nodes and members"
+        check_known(name, bodies, "the body is not defined", allowed, targets.where, *keys)
+        return (bodies.index(name),)
+
+    return _find_each_once(item.bodies, find, bodies, targets.where, keys)
 
 
 def _find_each_once(

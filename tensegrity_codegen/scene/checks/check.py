@@ -14,6 +14,7 @@ from tensegrity_codegen.scene.checks.check_members import check_connectivity, ch
 from tensegrity_codegen.scene.names import check_name, check_names, check_scene_name, key_path
 from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.structure.actuators import (
+    BODY_SENSORS,
     MEMBER_SENSORS,
     NODE_SENSORS,
     REST_LENGTH_KINDS,
@@ -319,11 +320,12 @@ def check_control(structure: Structure, where: str) -> None:
     check_names([entry.name for entry in structure.sensors if entry.name], "sensors", where)
     for number, sensor in enumerate(structure.sensors):
         location = key_path(where, "sensors", number)
-        valid_kinds = (*MEMBER_SENSORS, *NODE_SENSORS)
+        valid_kinds = (*MEMBER_SENSORS, *NODE_SENSORS, *BODY_SENSORS)
         if sensor.kind not in valid_kinds:
             problem, allowed = "unknown kind of sensor", ", ".join(valid_kinds)
             raise InvalidValueError(problem, where=location, given=sensor.kind, allowed=allowed)
         size = structure.n_members if sensor.kind in MEMBER_SENSORS else structure.n_nodes
+        size = len(structure.bodies) if sensor.kind in BODY_SENSORS else size
         check_indices(sensor.targets, size, location)
         if not 0 <= sensor.noise < np.inf:
             problem = "not a standard deviation"

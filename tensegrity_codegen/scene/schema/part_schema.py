@@ -265,6 +265,15 @@ class NodeSensor(Table):
     )
 
 
+class BodySensor(Table):
+    """A gyro: the angular velocity of bodies, in the axes of their frames."""
+
+    kind: Literal["angular_velocity"] = Field(description="What is measured.")
+    name: Name | None = Field(None, description="Name of the sensor.")
+    bodies: Names = Field(description='Names of rigid bodies; "all".')
+    noise: NotNegative = Field(0.0, description="Standard deviation of each measured number [rad/s].")
+
+
 class MemberLimits(Table):
     """Limits of members."""
 

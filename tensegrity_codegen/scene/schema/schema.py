@@ -23,6 +23,7 @@ from tensegrity_codegen.scene.schema.body_schema import (
 from tensegrity_codegen.scene.schema.model_schema import ModelOptions, Parameters
 from tensegrity_codegen.scene.schema.part_schema import (
     ActuatorTable,
+    BodySensor,
     ForceInput,
     GroundTable,
     Interference,
@@ -135,8 +136,8 @@ class Scene(Summarised, SceneParts):
         (), description="Motors that change rest lengths; inputs after those of `inputs`."
     )
     sensors: Annotated[
-        tuple[Annotated[MemberSensor | NodeSensor, Discriminator("kind")], ...], Strict(False)
-    ] = Field((), description="Measurements of members and nodes.")
+        tuple[Annotated[MemberSensor | NodeSensor | BodySensor, Discriminator("kind")], ...], Strict(False)
+    ] = Field((), description="Measurements of members, nodes and bodies.")
     limits: LimitsTable = Field(
         default_factory=LimitsTable, description="Limits of tensions, stresses, distances and stiffness."
     )

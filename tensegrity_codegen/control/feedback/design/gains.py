@@ -19,11 +19,15 @@ from tensegrity_codegen.system.checks import check_instance, is_number, is_whole
 from tensegrity_codegen.system.errors import InvalidValueError, StructureError, check_choice
 from tensegrity_codegen.system.extras import CONTROL, import_extra
 from tensegrity_codegen.system.summaries import Summarised
+from tensegrity_codegen.tables.body_places import compute_spins
 
 MAX_KNOTS = 25  # of stored gains
 
 MEMBER_KINDS = ("member_length", "member_tension")
-UNITS = {"member_length": "m", "member_tension": "N", "node_position": "m", "node_velocity": "m/s"}
+UNITS = {
+    "member_length": "m", "member_tension": "N", "node_position": "m", "node_velocity": "m/s",
+    "angular_velocity": "rad/s",
+}  # fmt: skip
 STEP = 1e-6  # of differences; coordinates are lengths of structures of a metre, or angles
 
 
@@ -166,6 +170,9 @@ class Sensing:
             values = place_nodes(self.model, q, arguments.get("anchor_position"), arguments=arguments)
         else:
             values = place_velocities(self.model, q, v, arguments=arguments)
+        if sensor.kind == "angular_velocity":
+            place = place_nodes(self.model, q, arguments.get("anchor_position"), arguments=arguments)
+            values = compute_spins(self.model.manifest.body_places, place, values)
         return values[np.ix_(rows, axes)].ravel()
 
     def _slope(self, sensor: Sensor, at: Mapping[str, Any]) -> FloatArray:
@@ -228,6 +235,8 @@ def _name(sensor: Sensor, model: CompiledModel, where: str) -> list[str]:
             allowed=f"a standard deviation > 0 [{UNITS[sensor.kind]}]",
         )
     targets = manifest.member_name if sensor.kind in MEMBER_KINDS else manifest.node_name
+    if sensor.kind == "angular_velocity":
+        targets = tuple(body.name for body in manifest.body_places)
     is_list = isinstance(sensor.targets, list | tuple) and len(sensor.targets) > 0
     if not is_list or not all(is_whole(e) and 0 <= e < len(targets) for e in sensor.targets):
         raise InvalidValueError(
@@ -238,7 +247,7 @@ def _name(sensor: Sensor, model: CompiledModel, where: str) -> list[str]:
         )
     if sensor.kind in MEMBER_KINDS:
         return [f"{sensor.kind.removeprefix('member_')} of {targets[e]}" for e in sensor.targets]
-    mark = "'" if sensor.kind == "node_velocity" else ""
+    mark = {"node_velocity": "'", "angular_velocity": " spin"}.get(sensor.kind, "")
     return [f"{targets[i]}.{'xyz'[axis]}{mark}" for i in sensor.targets for axis in manifest.axes]
 
 
