@@ -174,6 +174,7 @@ def _build_request(scene: Scene, structure: Structure, targets: Targets) -> Mode
         axial_stiffness=structure.axial_stiffness,
         anchored=structure.node_anchored,
         axes=structure.axes,
+        bodies=structure.bodies,
     )
     parameters |= find_ground_numbers(scene.parameters.ground, structure.ground, targets.where)
     # A scene that names no formulation gets the one that has its bars

@@ -13,6 +13,7 @@ from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.schema.model_schema import Parameters
 from tensegrity_codegen.scene.schema.part_schema import ForceInput, RestLengthInput, TemperatureInput
 from tensegrity_codegen.scene.schema.schema_types import Selection
+from tensegrity_codegen.structure.free_bodies import FreeBody
 from tensegrity_codegen.structure.ground import CHANGEABLE, Ground
 from tensegrity_codegen.structure.structure import ActuatedInput
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
@@ -176,19 +177,23 @@ def build_parameters(
     axial_stiffness: NDArray[np.float64],
     anchored: BoolArray,
     axes: tuple[int, ...],
+    bodies: Sequence[FreeBody] = (),
 ) -> dict[str, tuple[int, ...]]:
     """Return the indices that stay changeable by argument name; "all": those for which it has meaning."""
     springs, axials = spring_constant > 0, axial_stiffness > 0
     all_nodes = np.ones(len(targets.node_name), dtype=np.bool_)
     some_free = ~find_fully_anchored(anchored, axes)
+    is_point = np.array(["." in name for name in targets.node_name], dtype=np.bool_)
+    of_scene = ~is_point
+    of_scene[[node for body in bodies for node in body.corner]] = False
     some_held = np.isin(np.arange(len(all_nodes)), np.nonzero(anchored[:, axes])[0])
     rules: dict[str, tuple[Literal["member", "node"], BoolArray, BoolArray, str]] = {
         "rest_length": ("member", springs | axials, springs | axials, "a rigid bar has no rest length"),
         "spring_constant": ("member", springs, springs, "the member has no spring_constant"),
         "axial_stiffness": ("member", axials, axials, "the member has no axial_stiffness"),
         "damping": ("member", springs | axials, springs | axials, "damping of a rigid bar has no effect"),
-        "node_mass": ("node", some_free, all_nodes, ""),
-        "node_load": ("node", some_free, all_nodes, ""),
+        "node_mass": ("node", some_free & of_scene, of_scene, "a body has one mass, not one of each node"),
+        "node_load": ("node", some_free & (of_scene | is_point), all_nodes, ""),
         "anchor_position": ("node", some_held, some_held, "the node is not anchored"),
     }
     built: dict[str, tuple[int, ...]] = {}

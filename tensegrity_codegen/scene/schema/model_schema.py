@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, Strict, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
-from tensegrity_codegen.scene.schema.schema_types import Selection, Table
+from tensegrity_codegen.scene.schema.schema_types import NodeSelection, Selection, Table
 from tensegrity_codegen.structure.ground import CHANGEABLE
 from tensegrity_codegen.tables.formulations import FORMULATIONS
 from tensegrity_codegen.tables.integrators import INTEGRATORS
@@ -129,8 +129,8 @@ class Parameters(Table):
         None, description='Axial stiffnesses [N]: "all" or member names.'
     )
     damping: Selection | None = Field(None, description='Damping constants [N s/m]: "all" or member names.')
-    node_mass: Selection | None = Field(None, description='Point masses [kg]: "all" or node names.')
-    node_load: Selection | None = Field(None, description='Loads on nodes [N]: "all" or node names.')
+    node_mass: NodeSelection | None = Field(None, description='Point masses [kg]: "all" or node names.')
+    node_load: NodeSelection | None = Field(None, description='Loads on nodes [N]: "all" or node names.')
     anchor_position: Selection | None = Field(
         None, description='Positions of anchored nodes [m]: "all" or node names.'
     )

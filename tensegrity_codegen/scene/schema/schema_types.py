@@ -72,6 +72,10 @@ Selection: TypeAlias = Annotated[
     Annotated[Literal["all"], Tag("@all")] | Annotated[References, Tag("@names")],
     Discriminator(tag_by_type(str, "@all", "@names")),
 ]
+NodeSelection: TypeAlias = Annotated[
+    Annotated[Literal["all"], Tag("@all")] | Annotated[NodeReferences, Tag("@names")],
+    Discriminator(tag_by_type(str, "@all", "@names")),
+]
 
 
 class Table(BaseModel):

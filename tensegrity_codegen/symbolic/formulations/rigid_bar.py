@@ -82,9 +82,15 @@ WORDS |= {
 ELASTIC = ("spring_constant", "axial_stiffness", "damping")
 
 
-def find_alone_bodies(structure: Structure, bars: Sequence[int]) -> tuple[int, ...]:
-    """Return the bodies that no rigid bar holds but their own edges: their motion has a closed form."""
+def find_alone_bodies(
+    structure: Structure, bars: Sequence[int], changed: Sequence[int] = ()
+) -> tuple[int, ...]:
+    """Return the bodies that no rigid bar holds but their own edges: their motion has a closed form.
+
+    changed: nodes whose masses can change at run time, which the closed form knows as numbers.
+    """
     others = {int(node) for e in bars if not structure.is_edge[e] for node in structure.connectivity[e]}
+    others |= set(changed)
     return tuple(
         k for k, body in enumerate(structure.bodies) if others.isdisjoint((*body.corner, *body.point))
     )
@@ -105,7 +111,8 @@ class _RigidBar(NodeCoordinates):
         self.is_corrected = options["correction"] == "first_order"
         self.keeps_scene_lengths = keeps_scene_lengths(options)
         self.q, self.v = (arguments.symbols[name] for name in ("coordinate", "velocity"))
-        self.alone = find_alone_bodies(structure, bars) if not self.is_corrected else ()
+        changed = arguments.parameters.get("node_mass", ())
+        self.alone = () if self.is_corrected else find_alone_bodies(structure, bars, changed)
         corners = {node for k in self.alone for node in structure.bodies[k].corner}
         self.solved = [b for b, e in enumerate(bars) if int(structure.connectivity[e, 0]) not in corners]
 
