@@ -56,7 +56,7 @@ def check_connectivity(
     report(start == end, StructureError, f"the member {twice}", allowed="two different nodes")
     is_alone = np.bincount(strands.member, minlength=strands.n_members)[strands.member] == 1
     if is_attached is not None:
-        is_alone &= ~is_attached[strands.ends].all(axis=1)
+        is_alone &= ~is_attached[strands.ends].any(axis=1)
     straight = strands.ends[is_alone]
     _check_pairs(straight, tuple(np.array(owner, dtype=object)[is_alone]), node_name, where)
     length = strands.strand_lengths(node_position)
