@@ -226,7 +226,7 @@ MAX_LINES = {
     "pipeline": 3_750,
     "report": 5_450,
     "runtime": 21_450,
-    "scene": 12_400,  # rigid bodies with parts
+    "scene": 13_450,  # rigid bodies with parts, and their import
     "structure": 3_550,  # rigid bodies
     "studies": 7_900,
     "sweeps": 8_900,

@@ -1,65 +1,106 @@
-"""Import of models of MuJoCo (MJCF): nodes and rigid bars of bodies, members of spatial tendons.
+"""Import of models of MuJoCo (MJCF): nodes, rigid bars and bodies, members of spatial tendons.
 
 A body with slide joints along the axes of the world is a node; a free body (or one on a ball joint at the
-world) with two sites that tendons use is a rigid bar with masses at its ends; sites of the world are
-anchored.
+world) that is a rod whose spin moves nothing is a rigid bar with masses at its ends; any other free body is
+a rigid body; sites of the world are anchored. A plane is the ground.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from tensegrity_codegen.scene.formats.files.documents import find_root, read_numbers, read_xml
+from tensegrity_codegen.scene.formats.files.documents import find_root, read_numbers
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult, Network, NetworkMember, build_result
-from tensegrity_codegen.scene.formats.mjcf.defaults import Defaults, read_defaults
+from tensegrity_codegen.scene.formats.mjcf.actuators import read_actuators
+from tensegrity_codegen.scene.formats.mjcf.contacts import Ball, read_ground
+from tensegrity_codegen.scene.formats.mjcf.defaults import MAX_NAMED, Defaults, read_defaults
+from tensegrity_codegen.scene.formats.mjcf.frames import compute_quaternion, read_compiler
+from tensegrity_codegen.scene.formats.mjcf.include import read_model
 from tensegrity_codegen.scene.formats.mjcf.links import Link, read_links
-from tensegrity_codegen.scene.formats.mjcf.tendons import read_actuators, read_coupled_masses, read_tendons
-from tensegrity_codegen.scene.names import check_known
+from tensegrity_codegen.scene.formats.mjcf.sensors import list_sites, read_sensors
+from tensegrity_codegen.scene.formats.mjcf.tendons import read_coupled_masses, read_tendons
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, name_list
 
 WHAT = "a model of MuJoCo (MJCF)"
 GRAVITY = "0 0 -9.81"  # of MuJoCo where a model gives none
+UNREAD = ("contact/exclude", "asset/hfield", "custom")  # sections that are named where a model has them
 RELATIVE_TOLERANCE = 1e-9  # of lengths, and of masses
-MAX_OFFSET = 0.1  # of a rod's length, by which its centre may be off the line between its sites
+MAX_OFFSET = 0.1  # of a thin rod's length, by which its centre may be off the line between its sites
+THIN = 2e-5  # inertia of a thin rod about itself over that across it, at most: its spin is left out
+EXPORTED = ".body"  # at the end of the names of bodies that are bars without spin, as `export` writes them
+PRECESSION = 1e-3  # rad/s, of the axis of a rod by its own spin, at most: its spin is left out
+STRAIGHT = 1e-5  # of a rod's length and inertia, by which a thicker one may differ from one without spin
 
 
 def import_mjcf(
     path: str | Path, *, name: str | None = None, gravity: Sequence[float] | None = None
 ) -> ImportResult:
     """Return the scene document of a model of MuJoCo, and notes on parts that are not read."""
-    path = Path(path)
-    root, file = read_xml(path, WHAT), str(path)
-    if root.tag != "mujoco":
-        raise InvalidValueError("not a model of MuJoCo", where=file, given=root.tag[:80], allowed="<mujoco>")
+    path, file = Path(path), str(path)
+    root = read_model(path, WHAT)
     defaults = read_defaults(root, file)
     down = _read_gravity(root, defaults, file)
-    network = Network(gravity=down if any(down) else None)
-    links = read_links(root, defaults, _read_speeds(root, network, file), file)
-    sites = {site: link for link in links for site in link.sites}
-    members = read_tendons(root, defaults, {site: link.sites[site] for site, link in sites.items()}, file)
-    used = list(dict.fromkeys(end for member in members for end in member.ends))
-    for end in used:
-        check_known(end, sites, "unknown site", "a site", file)
-    bars = [bar for link in links if (bar := _add_link(network, link, set(used), file)) is not None]
-    network.members = [*bars, *members]
+    network = Network(gravity=down if any(down) else None, parallel=True)
+    links = read_links(
+        root, defaults, read_compiler(root, defaults, file), _read_speeds(root, network, file), file
+    )
+    places = {site: link.locate(site) for link in links for site in link.sites}
+    tendons = read_tendons(root, defaults, network, places, file)
+    ground, balls, notes = read_ground(root, defaults, links, down if gravity is None else gravity)
+    used = {end for member in tendons for end in member.ends}
+    acting = [element.get("site", "") for section in root.iterfind("actuator") for element in section]
+    seen = used | {*acting, *list_sites(root)}
+    touching: list[Any] = []
+    added = [_add_link(network, link, used, seen, balls.get(link.name, []), touching, file) for link in links]
+    bars = [bar for bar in added if bar is not None]
+    network.members = [*bars, *tendons]
     _couple(network, read_coupled_masses(root, defaults, file), down)
-    values = {member.name: member.values for member in members}
-    read_actuators(root, defaults, network, values, links[0].frames, file)
-    damped = [m.values for m in members if "damping" in m.values and "tension_only" not in m.values]
-    if any(damped_values["kind"] == "cable" for damped_values in damped):
+    servos = read_actuators(root, defaults, network, links[0].frames, file)
+    _drop_loose(network)
+    if touching and ground is not None:
+        network.ground = {**ground, "contacts": [place for place, _ in touching]}
+        radii = {radius for place, radius in touching if isinstance(place, str)}
+        network.ground |= {"radius": max(radii)} if any(radii) else {}
+        note = "nodes touch the ground with different radii: all have the largest"
+        network.notes += [*notes, note] if len(radii) > 1 else notes
+    read_sensors(root, network, links, servos, file)
+    values = [m.values for m in network.members if "damping" in m.values and "tension_only" not in m.values]
+    if any(value["kind"] == "cable" for value in values):
         network.notes.append("in MuJoCo tendons keep their damping while slack, cables do not")
     network.notes += defaults.describe_unread()
-    sections = ("equality", "contact", "sensor", "deformable", "asset", "custom")
-    unread = [tag for tag in sections if any(True for section in root.iterfind(tag) for _ in section)]
-    if unread:
-        network.notes.append(f"sections that are not read: {', '.join(unread)}")
-    if next(root.iter("geom"), None) is not None:
-        network.notes.append("geoms are read for their masses only: there are no contacts")
+    unread = [tag for tag in UNREAD if next(root.iterfind(tag), None) is not None]
+    network.notes += [f"sections that are not read: {', '.join(unread)}"] if unread else []
+    _note_geoms(network, links)
     return build_result(network, path, name, gravity)
+
+
+def _drop_loose(network: Network) -> None:
+    """Leave out tendons without stiffness, whose names a note lists, and anchors that nothing joins then."""
+    loose = [m for m in network.members if m.values["kind"] != "bar" and "spring_constant" not in m.values]
+    network.members = [member for member in network.members if not any(member is other for other in loose)]
+    joined = {end for member in network.members for end in member.ends}
+    for node in [node for node in network.nodes if network.nodes[node].get("anchored") is True]:
+        if node not in joined:
+            del network.nodes[node]
+    listed = name_list([member.name for member in loose], MAX_NAMED)
+    note = f"tendons without stiffness are left out, with their forces: {listed}"
+    network.notes += [note] if loose else []
+
+
+def _note_geoms(network: Network, links: Sequence[Link]) -> None:
+    """Add the notes on meshes and contacts that are not read."""
+    geoms = [(geom, link) for link in links for geom in link.geoms]
+    meshes = [geom.name or link.name for geom, link in geoms if geom.kind == "mesh"]
+    network.notes += [f"meshes are left out: {name_list(meshes, MAX_NAMED)}"] if meshes else []
+    note = "contacts are those with the ground: bodies do not touch each other"
+    note = note if network.ground else "geoms are read for their masses only: there are no contacts"
+    network.notes += [note] if geoms else []
 
 
 def _read_gravity(root: Element, defaults: Defaults, file: str) -> list[float]:
@@ -85,42 +126,139 @@ def _read_speeds(root: Element, network: Network, file: str) -> list[float] | No
     return None if speeds is None else read_numbers(speeds, f"{file}: keyframe.key.qvel")
 
 
-def _add_link(network: Network, link: Link, used: set[str], file: str) -> NetworkMember | None:
-    """Add the nodes of a link; return the rigid bar that it is, None of others."""
+def _add_link(
+    network: Network, link: Link, used: set[str], seen: set[str],
+    balls: Sequence[Ball], touching: list[Any], file: str,
+) -> NetworkMember | None:  # fmt: skip
+    """Add the nodes or the body of a link; return the rigid bar that it is, None of others.
+
+    used: sites of tendons; seen: those of sensors and actuators too; balls: that touch the ground; touching
+    gets the contacts, nodes or bodies with points, and their radii.
+    """
     chosen = [site for site in link.sites if site in used]
     where = f"{file}: body {link.name}"
     if link.kind == "static":
         for site in chosen:
             network.nodes[site] = {"position": link.sites[site].tolist(), "anchored": True}
         return None
-    if not chosen:
+    if link.kind == "sliding" and not chosen:
         if link.mass > 0:
             network.notes.append(f"the body {link.name} is left out: no tendon acts on it")
         return None
-    if link.kind == "sliding":
-        _add_point(network, link, chosen, where)
-        return None
-    if len(chosen) == 1 and link.kind == "free":
-        centre = np.linalg.norm(link.sites[chosen[0]] - link.centre)
-        if centre > RELATIVE_TOLERANCE * (1 + float(np.linalg.norm(link.centre))):
-            _refuse_sites(where, "one site away from the centre of mass")
-        link.free[:] = True
-        link.speed = link.speed + np.cross(link.spin, link.sites[chosen[0]] - link.position)
-        _add_point(network, link, chosen, where)
-        return None
     if link.kind == "ball" and len(chosen) == 1:
         chosen = [f"{link.name}_pivot", *chosen]
-        link.sites[chosen[0]] = link.position
-    if len(chosen) != 2:
-        _refuse_sites(where, f"{len(chosen)} sites that tendons use")
-    return _add_bar(network, link, chosen, where)
+        link.sites[chosen[0]] = np.zeros(3)
+    if link.kind == "ball" and len(chosen) != 2:
+        problem, allowed = (
+            "a body on a ball joint that is no rod is not read",
+            "two sites, or the joint and one",
+        )
+        raise InvalidValueError(problem, where=where, given=f"{len(chosen)} sites", allowed=allowed)
+    is_centred = len(chosen) == 1 and np.linalg.norm(link.sites[chosen[0]] - link.centre) <= (
+        RELATIVE_TOLERANCE * (1 + float(np.linalg.norm(link.centre)))
+    )
+    if link.kind == "free" and not _is_bar(link, chosen, balls) and (balls or not is_centred):
+        _add_body(network, link, [site for site in link.sites if site in seen], balls, touching, where)
+        return None
+    for ball in balls:
+        ends = [site for site in chosen if np.allclose(link.sites[site], ball.position, atol=1e-9)]
+        touching += [(site, ball.radius) for site in ends]
+        if not ends:
+            network.notes.append(f"a contact of {link.name} away from its nodes is left out: {ball.name}")
+    if len(chosen) == 2:
+        return _add_bar(network, link, chosen, where)
+    if link.kind == "free":
+        link.free[:] = True
+        link.speed = link.move(link.locate(chosen[0]))
+    _add_point(network, link, chosen, where)
+    return None
 
 
-def _refuse_sites(where: str, given: str) -> None:
-    problem = "a turning body that is no rod is not read"
-    allowed = "two sites that tendons use, or one at the centre of mass"
-    hint = "write the structure as a scene of bodies"
-    raise InvalidValueError(problem, where=where, given=given, allowed=allowed, hint=hint)
+@dataclass(frozen=True)
+class _Rod:
+    """A link as a rod between two of its sites.
+
+    aside: of its centre from the line between them [m]; about, across: inertia about that line and across it
+    [kg m2]; skew: by how much its inertia is not that of a round rod; masses: of a bar and of its two ends
+    that have its mass, centre and inertia together [kg].
+    """
+
+    length: float
+    axis: FloatArray
+    aside: float
+    about: float
+    across: float
+    skew: float
+    masses: list[float]
+
+
+def _measure(link: Link, chosen: Sequence[str]) -> _Rod:
+    """Return a link as a rod; of length 0 where its sites are one point."""
+    start, end = (link.sites[site] for site in chosen)
+    length = float(np.linalg.norm(end - start))
+    axis = (end - start) / (length or 1.0)
+    about = float(axis @ link.inertia @ axis)
+    across = (float(np.trace(link.inertia)) - about) / 2
+    skew = np.abs(link.inertia - across * np.eye(3) - (about - across) * np.outer(axis, axis)).max()
+    s = float((link.centre - start) @ axis)
+    bar = 6 * (link.mass * s * (length - s) - across) / (length or 1.0) ** 2
+    far = (link.mass * s - bar * length / 2) / (length or 1.0)
+    aside = float(np.linalg.norm(np.cross(link.centre - start, axis)))
+    return _Rod(length, axis, aside, about, across, float(skew), [bar, link.mass - bar - far, far])
+
+
+def _is_bar(link: Link, chosen: Sequence[str], balls: Sequence[Ball]) -> bool:
+    """Return whether a free body moves as a rigid bar between its two sites, whatever its spin."""
+    if len(chosen) != 2 or link.name.endswith(EXPORTED):
+        return len(chosen) == 2
+    rod = _measure(link, chosen)
+    if balls or not rod.length:
+        return False
+    if rod.about <= THIN * rod.across and rod.aside <= MAX_OFFSET * rod.length:
+        return True
+    spin = abs(float(link.rotation.T @ link.spin @ rod.axis))
+    return (
+        rod.aside <= STRAIGHT * rod.length
+        and rod.skew <= STRAIGHT * rod.across
+        and rod.about * spin <= PRECESSION * rod.across
+        and min(rod.masses) >= -RELATIVE_TOLERANCE * link.mass
+    )
+
+
+def _add_body(
+    network: Network, link: Link, sites: Sequence[str], balls: Sequence[Ball], touching: list[Any], where: str
+) -> None:
+    """Add a rigid body with the points that something names, and those that touch the ground."""
+    if not link.mass > 0:
+        problem = "the body has no mass"
+        raise InvalidValueError(problem, where=where, allowed="geoms with a mass, or an element inertial")
+    inertia = (link.inertia + link.inertia.T) / 2
+    is_diagonal = np.abs(inertia - np.diag(np.diag(inertia))).max() <= 1e-15 * np.abs(inertia).max()
+    body: dict[str, Any] = {
+        "kind": "rigid",
+        "mass": float(link.mass),
+        "inertia": (np.diag(inertia) if is_diagonal else inertia).tolist(),
+    }
+    body |= {"centre_of_mass": link.centre.tolist()} if link.centre.any() else {}
+    parts = [part for geom in link.geoms if (part := geom.describe())]
+    body |= {"parts": parts} if parts else {}
+    points: dict[str, Any] = {site: link.sites[site].tolist() for site in sites}
+    for ball in balls:
+        name = next(
+            (site for site in sites if np.allclose(link.sites[site], ball.position, atol=1e-9)), ball.name
+        )
+        while name in points and (name not in sites or isinstance(points[name], dict)):
+            name += "_"
+        points[name] = {"position": ball.position.tolist(), "radius": ball.radius}
+        touching.append(((link.name, name), ball.radius))
+    body |= {"points": points, "position": link.position.tolist()}
+    if not np.array_equal(link.rotation, np.eye(3)):
+        body["quaternion"] = compute_quaternion(link.rotation)
+    speed = link.move(link.place(link.centre))
+    body |= {"centre_velocity": speed.tolist()} if speed.any() else {}
+    body |= {"angular_velocity": (link.rotation.T @ link.spin).tolist()} if link.spin.any() else {}
+    network.bodies[link.name] = body
+    network.points |= {site: (link.name, site) for site in sites}
 
 
 def _add_point(network: Network, link: Link, chosen: Sequence[str], where: str) -> None:
@@ -128,7 +266,7 @@ def _add_point(network: Network, link: Link, chosen: Sequence[str], where: str) 
         problem = "a sliding body with several sites that tendons use is not read"
         allowed = "one site for each such body"
         raise InvalidValueError(problem, where=where, given=", ".join(chosen)[:80], allowed=allowed)
-    node: dict[str, Any] = {"position": link.sites[chosen[0]].tolist()}
+    node: dict[str, Any] = {"position": link.locate(chosen[0]).tolist()}
     if link.mass > 0:
         node["mass"] = link.mass
     held = "".join(letter for letter, free in zip("xyz", link.free, strict=True) if not free)
@@ -139,38 +277,25 @@ def _add_point(network: Network, link: Link, chosen: Sequence[str], where: str) 
 
 def _add_bar(network: Network, link: Link, chosen: Sequence[str], where: str) -> NetworkMember:
     """Add the two ends of a rod with the masses that give its mass, centre and inertia; return the bar."""
-    tips = np.array([link.sites[site] for site in chosen])
-    length = float(np.linalg.norm(tips[1] - tips[0]))
-    if not length or not link.mass > 0:
+    rod = _measure(link, chosen)
+    if not rod.length or not link.mass > 0:
         problem = "the rod has no length or no mass"
         raise InvalidValueError(problem, where=where, allowed="two sites apart, and a mass")
-    axis = (tips[1] - tips[0]) / length
-    aside = float(np.linalg.norm(np.cross(link.centre - tips[0], axis)))
-    if aside > MAX_OFFSET * length:
-        _refuse_sites(where, f"a centre of mass {aside:.3g} m off the line between its two sites")
-    if aside > RELATIVE_TOLERANCE * length:
+    if rod.aside > RELATIVE_TOLERANCE * rod.length:
         network.notes.append(
-            f"the centre of mass of {link.name} is {aside:.3g} m off the line between its sites "
+            f"the centre of mass of {link.name} is {rod.aside:.3g} m off the line between its sites "
             f"{chosen[0]} and {chosen[1]}; the bar has it on that line"
         )
-    bar_mass, ends = link.mass, np.zeros(2)
-    if link.across is None:
-        network.notes.append(f"the mass of {link.name} is spread evenly between {chosen[0]} and {chosen[1]}")
-    else:
-        s = float((link.centre - tips[0]) @ axis)
-        bar_mass = 6 * (link.mass * s * (length - s) - link.across) / length**2
-        ends[1] = (link.mass * s - bar_mass * length / 2) / length
-        ends[0] = link.mass - bar_mass - ends[1]
-        if min(bar_mass, *ends) < -RELATIVE_TOLERANCE * link.mass:
-            network.notes.append(
-                f"the inertia of {link.name} is not that of a rod: its mass is spread evenly"
-            )
-            bar_mass, ends = link.mass, np.zeros(2)
-    for site, tip, mass in zip(chosen, tips, ends, strict=True):
+    bar_mass, *ends = rod.masses
+    if min(rod.masses) < -RELATIVE_TOLERANCE * link.mass:
+        network.notes.append(f"the inertia of {link.name} is not that of a rod: its mass is spread evenly")
+        bar_mass, ends = link.mass, [0.0, 0.0]
+    for site, mass in zip(chosen, ends, strict=True):
+        tip = link.locate(site)
         node: dict[str, Any] = {"position": tip.tolist()}
         node |= {"mass": float(mass)} if mass > RELATIVE_TOLERANCE * link.mass else {}
-        speed = link.speed + np.cross(link.spin, tip - link.position)
-        pivot = link.kind == "ball" and np.linalg.norm(tip - link.position) <= RELATIVE_TOLERANCE * length
+        speed = link.move(tip)
+        pivot = link.kind == "ball" and np.linalg.norm(tip - link.position) <= RELATIVE_TOLERANCE * rod.length
         node |= {"anchored": True} if pivot else {}
         node |= {"velocity": speed.tolist()} if speed.any() and not pivot else {}
         network.nodes[site] = node
@@ -178,7 +303,7 @@ def _add_bar(network: Network, link: Link, chosen: Sequence[str], where: str) ->
         raise InvalidValueError("no site of the rod is at its ball joint", where=where)
     values: dict[str, Any] = {"kind": "bar"}
     values |= {"mass": float(bar_mass)} if bar_mass > RELATIVE_TOLERANCE * link.mass else {}
-    name = link.name.removesuffix(".body")
+    name = link.name.removesuffix(EXPORTED)
     return NetworkMember(name, (chosen[0], chosen[1]), values, where)
 
 
@@ -192,7 +317,7 @@ def _couple(network: Network, masses: dict[str, float], gravity: Sequence[float]
         values.pop("tension_only", None)
         network.members[position] = NetworkMember(member.name, member.ends, values, member.where)
         for end in member.ends:
-            node = network.nodes[end]
+            node = network.nodes.get(end, {"anchored": True})
             if node.get("anchored") is True:
                 continue
             remaining_mass = node.get("mass", 0.0) - mass / 6

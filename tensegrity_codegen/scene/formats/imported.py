@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -229,13 +230,15 @@ Names = Mapping[str, str]
 
 @dataclass(frozen=True)
 class NetworkMember:
-    """One member: its name in the file, its two nodes, its values by the keys of a scene, its place.
+    """One member: its name in the file, its nodes, its values by the keys of a scene, its place.
+
+    ends: two nodes; of a cable through rings also the rings between them, in order.
 
     place_of: the place of a value in the file by its key; else the key behind the member's place.
     """
 
     name: str
-    ends: tuple[str, str]
+    ends: tuple[str, ...]
     values: Mapping[str, Any]
     where: str
     place_of: Callable[[str], str] | None = None
@@ -243,10 +246,12 @@ class NetworkMember:
 
 @dataclass
 class Network:
-    """Nodes and members under their names in a file.
+    """Nodes, bodies and members under their names in a file.
 
-    nodes: values by the keys of a scene; loads: forces [N] by node; inputs, control: as in a scene, with
-    names of the file; control: the sections CONTROL_SECTIONS.
+    nodes, bodies: values by the keys of a scene; points: body and point by the name of the file, which
+    stands for a node; loads: forces [N] by node; inputs, control: as in a scene, with names of the file;
+    control: the sections CONTROL_SECTIONS; ground: as in a scene, contacts are nodes, or bodies and points;
+    parallel: whether several members may join the same nodes.
     """
 
     nodes: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -256,7 +261,15 @@ class Network:
     control: dict[str, Any] = field(default_factory=dict)
     gravity: Sequence[float] | None = None
     notes: list[str] = field(default_factory=list)
+    bodies: dict[str, dict[str, Any]] = field(default_factory=dict)
+    points: dict[str, tuple[str, str]] = field(default_factory=dict)
+    ground: dict[str, Any] | None = None
+    parallel: bool = False
     _given: set[str] = field(default_factory=set)
+
+    def has_node(self, name: str) -> bool:
+        """Return whether a name is that of a node or of a point of a body."""
+        return name in self.nodes or name in self.points
 
     def name_member(self, name: str) -> str:
         """Return a name for a member without one: `name`, with a number if other nodes gave it before."""
@@ -274,7 +287,7 @@ def build_result(
     """Return the scene document of a network, and notes; name, gravity: in place of those of the file."""
     title, notes = scene_name(name, path, "scene_")
     for section, entries in (("nodes", network.nodes), ("members", network.members)):
-        if not entries:
+        if not entries and not network.bodies:
             raise StructureError(f"the file has no {section}", where=str(path), allowed="one at least")
     node_names, node_notes = name_all(network.nodes, "n", "nodes were")
     _check_names(network.members)
@@ -285,13 +298,15 @@ def build_result(
     chosen = network.gravity if gravity is None else gravity
     if chosen is not None:
         document["gravity"] = [float(value) for value in chosen]
-    document["nodes"] = {node_names[key]: dict(values) for key, values in network.nodes.items()}
+    if network.nodes or not network.bodies:
+        document["nodes"] = {node_names[key]: dict(values) for key, values in network.nodes.items()}
+    points, body_names = _name_bodies(network, document, node_names, node_notes)
     owners = dict.fromkeys(
         member_entry.values["class"] for member_entry in network.members if "class" in member_entry.values
     )
     class_names, class_notes = name_all(owners, "c", "classes were")
     classes: dict[str, dict[str, Any]] = {}
-    members = _build_members(network.members, member_names, node_names)
+    members = _build_members(network.members, member_names, node_names, network.parallel)
     for member_entry, member in zip(network.members, members.values(), strict=True):
         if "class" in member:
             member["class"] = class_names[member["class"]]
@@ -303,7 +318,14 @@ def build_result(
                     problem, where=where, given=member_entry.values["class"], allowed=allowed
                 )
     document |= {"classes": classes} if classes else {}
-    document["members"] = members
+    if members or not network.bodies:
+        document["members"] = members
+    if network.ground is not None:
+        contacts = [
+            points[name] if isinstance(name, tuple) else node_names[name]
+            for name in network.ground["contacts"]
+        ]
+        document["ground"] = {**network.ground, "contacts": contacts}
     loads = [
         {"node": node_names[node], "force": [float(value) for value in force]}
         for node, force in network.loads
@@ -315,10 +337,27 @@ def build_result(
     tables = {"nodes": node_names, "members": member_names, "name": input_names}
     inputs = [_rename_entry(input_entry, tables) for input_entry in network.inputs]
     document |= {"inputs": inputs} if inputs else {}
-    document |= _rename_control(network.control, node_names, member_names)
+    document |= _rename_control(network.control, node_names, member_names, body_names)
     notes += [*node_notes, *member_notes, *class_notes, *input_notes]
-    defaults = note_defaults(document["members"].values())
+    defaults = note_defaults(members.values())
     return ImportResult(document, (*notes, *network.notes, *defaults))
+
+
+def _name_bodies(
+    network: Network, document: dict[str, Any], nodes: dict[str, str], notes: list[str]
+) -> tuple[dict[tuple[str, str], str], Names]:
+    """Add the bodies to a document, their points to the names of nodes; return names of points, of bodies."""
+    named: dict[tuple[str, str], str] = {}
+    body_names, body_notes = name_all(network.bodies, "b", "bodies were")
+    notes += body_notes
+    for body, values in network.bodies.items():
+        point_names, point_notes = name_all(values["points"], "p", f"points of {body_names[body]} were")
+        notes += point_notes
+        points = {point_names[key]: point for key, point in values["points"].items()}
+        document.setdefault("bodies", {})[body_names[body]] = {**values, "points": points}
+        named |= {(body, key): f"{body_names[body]}.{name}" for key, name in point_names.items()}
+    nodes |= {name: named[place] for name, place in network.points.items()}
+    return named, body_names
 
 
 def _check_names(members: Sequence[NetworkMember]) -> None:
@@ -331,16 +370,17 @@ def _check_names(members: Sequence[NetworkMember]) -> None:
 
 
 def _build_members(
-    members: Sequence[NetworkMember], names: Mapping[str, str], nodes: Mapping[str, str]
+    members: Sequence[NetworkMember], names: Mapping[str, str], nodes: Mapping[str, str], parallel: bool
 ) -> dict[str, dict[str, Any]]:
     built: dict[str, dict[str, Any]] = {}
     seen: dict[frozenset[str], str] = {}
     for entry in members:
         for end in entry.ends:
             check_known(end, nodes, "unknown node", "a node of the file", entry.where)
-        check_ends(*entry.ends, entry.ends[1], entry.where)
+        for first, second in pairwise(entry.ends):
+            check_ends(first, second, second, entry.where)
         pair = frozenset(entry.ends)
-        if pair in seen:
+        if pair in seen and not parallel:
             problem, location = "two members join the same nodes", entry.where
             allowed = f"one member for each pair ({seen[pair]} joins them too)"
             raise DuplicateNameError(problem, where=location, given=" and ".join(entry.ends), allowed=allowed)
@@ -355,20 +395,21 @@ def _place_key(where: str, key: str) -> str:
     return f"{where}: {key}"
 
 
-def _rename_control(content: Mapping[str, Any], nodes: Names, members: Names) -> dict[str, Any]:
+def _rename_control(
+    content: Mapping[str, Any], nodes: Names, members: Names, bodies: Names
+) -> dict[str, Any]:
     """Return the sections `actuators`, `sensors` and `limits` of a file with the scene's names.
 
-    nodes, members: names of the scene by those of the file, which may be numbers. What is not there, or not
-    of the right kind, stays as it is: the checks of the scene name it.
+    nodes, members, bodies: names of the scene by those of the file, which may be numbers. What is not there,
+    or not of the right kind, stays as it is: the checks of the scene name it.
     """
     renamed: dict[str, Any] = {}
+    tables = {"members": members, "nodes": nodes, "bodies": bodies}
     for section in ("actuators", "sensors"):
         value = content.get(section)
         if value is not None:
             entries = value if isinstance(value, list) else [value]
-            renamed_entries = [
-                _rename_entry(entry, {"members": members, "nodes": nodes}) for entry in entries
-            ]
+            renamed_entries = [_rename_entry(entry, tables) for entry in entries]
             renamed[section] = renamed_entries if isinstance(value, list) else renamed_entries[0]
     limits = content.get("limits")
     if isinstance(limits, dict) and isinstance(limits.get("members"), dict):

@@ -15,6 +15,7 @@ _ACTUATOR = f"{_LOOKS} site refsite tendon gear gainprm biasprm biastype actlimi
 # By element: attributes that are read or change no motion.
 TAKEN = {
     "compiler": "angle eulerseq autolimits alignfree assetdir conflict coordinate discardvisual fitaabb "
+    "inertiafromgeom inertiagrouprange "
     "fusestatic meshdir passthrough savecanonical savecompiled saveinertial strippath texturedir usethread",
     "option": "gravity timestep apirate impratio tolerance ls_tolerance noslip_tolerance ccd_tolerance "
     "sleep_tolerance mpr_tolerance o_margin o_solref o_solimp o_friction integrator cone jacobian solver "
@@ -28,11 +29,12 @@ TAKEN = {
     "freejoint": "name group align",
     "geom": f"{_LOOKS} {_FRAME} {_CONTACT} type size fromto mass density castshadow fluidshape fluidcoef",
     "site": f"{_LOOKS} {_FRAME} type size fromto mesh",
+    "pair": f"name class geom1 geom2 {_CONTACT}",
     "spatial": _TENDON,
     "fixed": f"{_TENDON} armature",
     "general": f"{_ACTUATOR} lengthrange nsample interp cranklength inheritrange actdim",
 }
-TAKEN["motor"] = TAKEN["general"]
+TAKEN |= dict.fromkeys(("motor", "position", "velocity"), f"{TAKEN['general']} inheritrange")
 _WORDS = {tag: frozenset(words.split()) for tag, words in TAKEN.items()}
 # Values without effect of attributes, besides IDLE and zeros.
 OWN_IDLE = {"settotalmass": "-1", "inertiagrouprange": "0 5", "dynprm": "1 0 0", "gaintype": "fixed"}
@@ -61,7 +63,7 @@ MAX_NAMED = 10
 # Elements of classes; all others there are actuators, whose attributes are those of one element.
 KINDS = ("joint", "geom", "site", "tendon", "mesh", "material", "camera", "light", "pair", "equality")
 # Elements that change the meaning of a file and are not read.
-REFUSED = ("include", "attach", "replicate", "composite", "flexcomp", "frame", "extension", "model")
+REFUSED = ("attach", "replicate", "composite", "flexcomp", "flex", "extension", "model")
 
 
 class Defaults:
@@ -92,6 +94,11 @@ class Defaults:
             description = f"{values.get('name', owner)[:60]} ({values[key][:40]})" if is_named else ""
             names.append(description.lstrip())
 
+    def is_limited(self, values: Mapping[str, str], kind: str) -> bool:
+        """Return whether the range of an element acts; kind: "ctrl" or "force"."""
+        limited = values.get(f"{kind}limited", "auto")
+        return f"{kind}range" in values and (limited == "true" or (limited == "auto" and self._by_range))
+
     def describe_unread(self) -> list[str]:
         """Return notes on the attributes that act in MuJoCo and are not read."""
         return [
@@ -111,12 +118,15 @@ class Defaults:
 
 def read_defaults(root: Element, file: str) -> Defaults:
     """Return the default classes of a model; raises InvalidValueError for elements that are not read."""
-    for element in root.iter():
-        if element.tag in REFUSED:
-            problem = f"the element <{element.tag}> is not read"
-            allowed = "bodies, joints, sites and spatial tendons"
-            hint = "let MuJoCo write the model (mj_saveLastXML), which expands it"
-            raise InvalidValueError(problem, where=file, given=element.tag, allowed=allowed, hint=hint)
+    bound = [element for section in root.iterfind("equality") for element in section]
+    active = [element for element in bound if element.get("active", "true") == "true"]
+    for element in [*active, *(element for element in root.iter() if element.tag in REFUSED)]:
+        problem = f"the element <{element.tag}> is not read"
+        allowed = "bodies, frames, joints, sites, geoms, spatial tendons, files by include"
+        hint = "let MuJoCo write the model (mj_saveLastXML), which expands it"
+        if element in active:
+            problem, hint = f"the constraint <{element.tag}> is not read", "make one body of what it joins"
+        raise InvalidValueError(problem, where=file, given=element.tag, allowed=allowed, hint=hint)
     classes: dict[str, dict[str, dict[str, str]]] = {MAIN: {}}
 
     def visit(element: Element, name: str, inherited: Mapping[str, dict[str, str]]) -> None:

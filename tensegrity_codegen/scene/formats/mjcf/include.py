@@ -1,0 +1,52 @@
+"""The XML tree of a model of MuJoCo with the files that it includes.
+
+Files are only read, relative to the folder of the main file, as MuJoCo reads them.
+"""
+
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+from tensegrity_codegen.scene.formats.files.documents import read_attribute, read_xml
+from tensegrity_codegen.system.errors import InvalidValueError
+
+MAX_INCLUDED = 200  # files of one model
+ROOTS = ("mujoco", "mujocoinclude")
+
+
+def read_model(path: Path, what: str) -> Element:
+    """Return the root of a model, with the content of included files in place of their elements."""
+    root = read_xml(path, what)
+    if root.tag != "mujoco":
+        raise InvalidValueError(
+            "not a model of MuJoCo", where=str(path), given=root.tag[:80], allowed="<mujoco>"
+        )
+    _expand(root, path, path.parent, [path.resolve()])
+    return root
+
+
+def _expand(element: Element, path: Path, folder: Path, read: list[Path]) -> None:
+    """Replace the elements `include` below an element of `path`; read: the files that were read so far."""
+    children: list[Element] = []
+    for child in element:
+        if child.tag == "include":
+            children += _include(child, path, folder, read)
+        else:
+            _expand(child, path, folder, read)
+            children.append(child)
+    element[:] = children
+
+
+def _include(element: Element, path: Path, folder: Path, read: list[Path]) -> list[Element]:
+    where = f"{path}: include"
+    name = read_attribute(element, "file", where)
+    target = folder / name
+    if target.resolve() in read or len(read) > MAX_INCLUDED:
+        problem, allowed = "the file is included twice, or includes itself", "each file once, as in MuJoCo"
+        raise InvalidValueError(problem, where=where, given=name[:80], allowed=allowed)
+    read.append(target.resolve())
+    root = read_xml(target, f"a part of {path}, which includes it")
+    if root.tag not in ROOTS:
+        problem = "the included file is no part of a model"
+        raise InvalidValueError(problem, where=where, given=root.tag[:80], allowed=" or ".join(ROOTS))
+    _expand(root, target, folder, read)
+    return list(root)
