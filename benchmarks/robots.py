@@ -1,0 +1,361 @@
+"""A robot of three rods in flight and on the ground beside MuJoCo: time for one error, and what converges.
+
+python benchmarks/robots.py [--rounds 9] [--only flight ground] [--json FILE] [--write]   needs mujoco
+
+The rods are a tube with two balls and two motors, six points off the axis each, nine damped cables.
+
+- Flight: 0.5 s without gravity, the rods spinning; the error is the largest of all points at the end, against
+  bodies with quaternions by DOP853 at a relative tolerance of 1e-13. Each program at its cheapest setting
+  that reaches 1e-6 m: ours by `simulate` from Python, and its C alone in a loop in C; MuJoCo by one `mj_step`
+  for all steps, which loops in C, at the longest step of its RK4, with and without its constraint solver.
+- Ground: the same robot falls 6 mm onto a floor, level (it rests) or inclined by 5 degrees (it rolls), with
+  the servos of its cables at a constant length. The two contact laws are different, so that each program is
+  compared with itself: MuJoCo by how far points at the end move when its step is halved, ours by how far they
+  are from those at a relative tolerance of 1e-12. The stiffness of the ground is MuJoCo's at rest.
+
+Times are medians of processor time of single runs over rounds that take turns.
+"""
+
+import argparse
+import json
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from harness.turns import ROOT, describe_origin, measure_call, replace_figures, table_text, take_turns
+from numpy.typing import NDArray
+
+from tensegrity_codegen.codegen.compilation.flags import build_program_command, find_flags
+from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.runtime.integrate.options import Stepping
+from tensegrity_codegen.runtime.simulate.simulate import simulate
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
+from tensegrity_codegen.tables.request import AUTO_EVENTS, ModelRequest
+from tests.free_body_cases import make_three_rods
+from tests.reference_bodies import BodyReference, read_orientation
+from tests.scene.samples import build
+
+Array = NDArray[np.float64]
+Row = dict[str, Any]
+FLIGHT_TIME, FLIGHT_ERROR = 0.5, 1e-6
+GROUND_TIMES, SLOPES = (1.0, 2.0), (0.0, 5.0)
+LIFT, BALL = 0.03, 0.024  # of the rods above their place in flight, radius of the balls [m]
+SERVO = 500.0  # stiffness of the servos of bottom and top cables, which hold 0.16 m [N/m]
+GROUND = {"stiffness": 11361.0, "dissipation": 2.0, "friction": 0.8, "stick_damping": 30.0}
+METHODS = ("rk54", "rk853")
+RTOLS = tuple(10.0 ** (-k / 4) for k in range(12, 40))
+GROUND_RTOLS = (1e-4, 1e-6, 1e-8, 1e-10)
+MUJOCO_COUNTS = tuple(range(300, 700, 10))  # steps of the flight
+MUJOCO_STEPS = (2e-3, 1e-3, 5e-4, 2.5e-4, 1.25e-4, 6.25e-5)
+MUJOCO_INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4")
+FLAGS = {"": "", ", without constraints": '<flag constraint="disable"/>'}
+BEGIN, END = "<!-- figures: benchmarks/robots.py -->", "<!-- end of figures -->"
+DOCUMENT = ROOT / "docs" / "robots_measured.md"
+# Runs of the library's own integrator, timed in C; prints the seconds of one run, then the state at the end.
+DRIVER = """
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+#include "flight.h"
+int main(void) {
+  static double state[FLIGHT_N_STATES], work[FLIGHT_@M_WORK];
+  clock_t started = clock();
+  int k, n = @N;
+  for (k = 0; k < n; ++k) {
+    double time = 0.0, step = 0.0;
+    long long n_sampled = 0;
+    flight_run run = {0};
+    memset(work, 0, sizeof work);
+    memcpy(state, flight_nominal_coordinate, sizeof flight_nominal_coordinate);
+    memcpy(state + FLIGHT_N_COORDINATES, flight_nominal_velocity, sizeof flight_nominal_velocity);
+    run.watch = @WATCH;
+    if (flight_integrate_@m_run(@T, @RTOL, @ATOL, 1000000, &time, &step, state, 0, NULL, NULL, &n_sampled,
+                                &run, work)) return 1;
+  }
+  printf("%.9e\\n", (double)(clock() - started) / CLOCKS_PER_SEC / n);
+  for (k = 0; k < FLIGHT_N_STATES; ++k) printf("%.17g\\n", state[k]);
+  return 0;
+}
+"""
+
+
+def main() -> None:
+    """Print both tables, or write them into the document."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--rounds", type=int, default=9, help="rounds of the times")
+    parser.add_argument("--only", nargs="*", choices=("flight", "ground"), default=("flight", "ground"))
+    parser.add_argument("--json", type=Path, help="file for all rows")
+    parser.add_argument("--write", action="store_true", help=f"write the figures into {DOCUMENT.name}")
+    chosen = parser.parse_args()
+    found: dict[str, Any] = {"origin": describe_origin()}
+    if "flight" in chosen.only:
+        found["flight"] = measure_flight(chosen.rounds)
+    if "ground" in chosen.only:
+        found["ground"] = [
+            row
+            for slope in SLOPES
+            for t_end in GROUND_TIMES
+            for row in measure_ground(slope, t_end, chosen.rounds)
+        ]
+    text = "\n\n".join([found["origin"], *print_tables(found)])
+    print(text)
+    if chosen.json:
+        chosen.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
+    if chosen.write:
+        replace_figures(DOCUMENT, BEGIN, END, text)
+
+
+def print_tables(found: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the tables of what was measured, as Markdown."""
+    if "flight" in found:
+        head = ("flight, 0.5 s", "setting", "error [m]", "CPU [ms]", "times slower than our C")
+        own = next(row["seconds"] for row in found["flight"] if row["name"] == "C alone")
+        rows = [
+            (row["name"], row["setting"], f"{row['error']:.1e}", f"{1e3 * row['seconds']:.3f}",
+             f"{row['seconds'] / own:.1f}")
+            for row in found["flight"]
+        ]  # fmt: skip
+        yield table_text(head, rows)
+    if "ground" in found:
+        head = ("floor", "time [s]", "program", "setting", "change [m]", "CPU [ms]", "times slower than ours")
+        rows = [
+            (f"{row['slope']:.0f} deg", f"{row['t_end']:.0f}", row["name"], row["setting"],
+             f"{row['error']:.1e}", f"{1e3 * row['seconds']:.2f}", f"{row['ratio']:.0f}" if row["ratio"] else "")
+            for row in found["ground"]
+        ]  # fmt: skip
+        yield table_text(head, rows)
+
+
+def make_robot(slope: float | None) -> dict[str, Any]:
+    """Return the scene in flight, or on a ground that descends along x by a slope [deg]."""
+    if slope is None:
+        return make_three_rods()
+    scene = make_three_rods(((0.0, 0.0, 0.0),) * 3)
+    tilt, feet = np.radians(slope), {"foot_low": -0.17, "foot_high": 0.17}
+    for body in scene["bodies"].values():
+        balls = {name: {"position": [0.0, 0.0, z], "radius": BALL} for name, z in feet.items()}
+        body["points"] = body["points"] | balls
+        for end in ("from", "to"):
+            body[end] = [*body[end][:2], body[end][2] + LIFT]
+    for name, member in scene["members"].items():
+        member["spring_constant"] += 0.0 if name.startswith("vertical") else SERVO
+    contacts = [f"{name}.{foot}" for name in scene["bodies"] for foot in feet]
+    pull = 9.81 * np.array([np.sin(tilt), 0.0, -np.cos(tilt)])
+    return scene | {"gravity": pull.tolist(), "ground": {"contacts": contacts, **GROUND}}
+
+
+def measure_flight(rounds: int) -> list[Row]:
+    """Return each program at its cheapest setting that reaches the error."""
+    scene = make_robot(None)
+    exact = find_exact(scene)
+    runs: dict[str, tuple[str, float, Callable[[], float]]] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for name, setting, error, clock in (*try_ours(scene, exact, Path(folder)), *try_mujoco(scene, exact)):
+            runs[name] = (setting, error, clock)
+        seconds = take_turns({name: clock for name, (_, _, clock) in runs.items()}, rounds)
+    return [
+        {"name": name, "setting": setting, "error": error, "seconds": float(np.median(seconds[name]))}
+        for name, (setting, error, _) in runs.items()
+    ]
+
+
+def find_exact(scene: Mapping[str, Any]) -> Array:
+    """Return the points of all bodies at the end of the flight (n_points, 3) [m], by the reference."""
+    reference = BodyReference(scene)
+    state = reference.integrate([FLIGHT_TIME], 1e-13)[0]
+    return np.array(reference.move_points(state, reference.owner, reference.local)[0])
+
+
+def try_ours(scene: dict[str, Any], exact: Array, folder: Path) -> Iterator[tuple[str, str, float, Any]]:
+    """Yield our doors at the loosest tolerance that reaches the error: name, setting, error, clock."""
+    structure = build(scene)[0]
+    request = ModelRequest(
+        simulation_quantities("rigid_bar"),
+        formulation="rigid_bar",
+        integrators=METHODS,
+        events=(AUTO_EVENTS,),
+    )
+    built = build_library(structure, request, flags="native")
+    model = built.load()
+    at = [structure.node_name.index(name) for name in BodyReference(scene).index]
+
+    def run(**given: Any) -> Array:
+        found = simulate(model, FLIGHT_TIME, samples=2, **given)
+        return np.array(found.node_position[-1, at])
+
+    for rtol in RTOLS:
+        error = float(np.abs(run(rtol=rtol) - exact).max())
+        if error < FLIGHT_ERROR:
+            yield (
+                "simulate, all by default",
+                f"rtol {rtol:.0e}",
+                error,
+                partial(measure_call, partial(run, rtol=rtol), 20),
+            )
+            break
+    found = []
+    for method in METHODS:
+        for rtol in RTOLS:
+            stepping = Stepping(atol=rtol / 10, control="steps")
+            error = float(np.abs(run(method=method, rtol=rtol, stepping=stepping) - exact).max())
+            if error < FLIGHT_ERROR:
+                clock = partial(run_program, compile_program(built, folder, method, rtol))
+                found.append((min(clock() for _ in range(3)), f"{method}, rtol {rtol:.0e}", error, clock))
+                break
+    _, setting, error, clock = min(found, key=lambda item: item[0])
+    yield "C alone", setting, error, clock
+
+
+def compile_program(built: Any, folder: Path, method: str, rtol: float) -> Path:
+    """Return a program that runs the flight 300 times by a method, in C alone."""
+    place = folder / method
+    built.export(place)
+    settings = {
+        "@M": method.upper(),
+        "@m": method,
+        "@T": repr(FLIGHT_TIME),
+        "@RTOL": repr(rtol),
+        "@ATOL": repr(rtol / 10),
+    }
+    settings |= {"@N": "300", "@WATCH": "FLIGHT_EVENT_CABLE"}
+    text = DRIVER
+    for key in ("@WATCH", "@RTOL", "@ATOL", "@M", "@m", "@T", "@N"):
+        text = text.replace(key, settings[key])
+    (place / "drive.c").write_text(text, encoding="utf-8")
+    command = build_program_command(find_compiler(), find_flags("native"), ("drive.c", "flight.c"), "drive")
+    subprocess.run([*command, "-lm"], cwd=place, check=True)
+    return place / "drive"
+
+
+def run_program(program: Path) -> float:
+    """Return the seconds of one run that the program states."""
+    done = subprocess.run([str(program)], capture_output=True, text=True, check=True)
+    return float(done.stdout.split()[0])
+
+
+def try_mujoco(scene: Mapping[str, Any], exact: Array) -> Iterator[tuple[str, str, float, Any]]:
+    """Yield MuJoCo's RK4 at the longest step that reaches the error."""
+    for words, flag in FLAGS.items():
+        for count in MUJOCO_COUNTS:
+            run = prepare_mujoco(scene, "RK4", FLIGHT_TIME, count, flag)
+            error = float(np.abs(run() - exact).max())
+            if error < FLIGHT_ERROR:
+                yield f"MuJoCo RK4{words}", f"{count} steps", error, partial(measure_call, run, 5)
+                break
+
+
+def measure_ground(slope: float, t_end: float, rounds: int) -> list[Row]:
+    """Return how far runs of each program are from its own better ones, and their times."""
+    scene = make_robot(slope)
+    structure = build(scene)[0]
+    request = ModelRequest(
+        simulation_quantities("rigid_bar"),
+        formulation="rigid_bar",
+        integrators=METHODS,
+        events=(AUTO_EVENTS,),
+    )
+    model = build_library(structure, request, flags="native").load()
+    at = [structure.node_name.index(name) for name in BodyReference(scene).index]
+
+    def move(method: str, rtol: float) -> Array:
+        stepping = Stepping(atol=rtol / 10, control="steps", max_steps=10_000_000)
+        found = simulate(model, t_end, samples=2, method=method, rtol=rtol, stepping=stepping)
+        return np.array(found.node_position[-1, at])
+
+    runs: dict[tuple[str, str], Callable[[], Array]] = {}
+    errors: dict[tuple[str, str], float] = {}
+    for method in METHODS:
+        exact = move(method, 1e-12)
+        for rtol in GROUND_RTOLS:
+            key = (f"ours, {method}", f"rtol {rtol:.0e}")
+            runs[key] = partial(move, method, rtol)
+            errors[key] = float(np.abs(runs[key]() - exact).max())
+    for integrator in MUJOCO_INTEGRATORS:
+        places = []
+        for step in (*MUJOCO_STEPS, MUJOCO_STEPS[-1] / 2):
+            run = prepare_mujoco(scene, integrator, t_end, round(t_end / step), "")
+            runs[f"MuJoCo {integrator}", f"{step:.2e} s"] = run
+            places.append(run())
+        for step, coarse, fine in zip(MUJOCO_STEPS, places[:-1], places[1:], strict=True):
+            errors[f"MuJoCo {integrator}", f"{step:.2e} s"] = float(np.abs(coarse - fine).max())
+    clocks = {key: partial(measure_call, runs[key]) for key in errors}
+    seconds = {key: float(np.median(v)) for key, v in take_turns(clocks, max(1, rounds // 3)).items()}  # type: ignore[arg-type, type-var]
+    own = [(errors[key], seconds[key]) for key in errors if key[0].startswith("ours")]
+    rows = []
+    for key, error in errors.items():
+        equal = min((s for e, s in own if e <= error), default=None)
+        ratio = seconds[key] / equal if equal and not key[0].startswith("ours") else None
+        row = {"slope": slope, "t_end": t_end, "name": key[0], "setting": key[1], "error": error}
+        rows.append(row | {"seconds": seconds[key], "ratio": ratio})
+    return rows
+
+
+def prepare_mujoco(
+    scene: Mapping[str, Any], integrator: str, t_end: float, count: int, flag: str
+) -> Callable[[], Array]:
+    """Return a run of MuJoCo to the positions of all points at the end (n_points, 3) [m]."""
+    model = mujoco.MjModel.from_xml_string(describe_robot(scene, integrator, t_end / count, flag))
+    spins = [body["angular_velocity"] for body in scene["bodies"].values()]
+
+    def run() -> Array:
+        data = mujoco.MjData(model)
+        for k, spin in enumerate(spins):
+            data.qvel[6 * k + 3 : 6 * k + 6] = spin
+        data.ctrl[:] = data.act[:] = 0.16
+        mujoco.mj_step(model, data, nstep=count)
+        mujoco.mj_kinematics(model, data)
+        return np.array(data.site_xpos)
+
+    return run
+
+
+def describe_robot(scene: Mapping[str, Any], integrator: str, step: float, flag: str) -> str:
+    """Return the scene as MJCF; only balls and floor touch."""
+    ground, bodies, tendons, servos = scene.get("ground"), [], [], []
+    touch = 'contype="1" conaffinity="2"' if ground else 'contype="0" conaffinity="0"'
+    for name, body in scene["bodies"].items():
+        geoms = "".join(
+            f'<geom type="{"sphere" if part["kind"] == "ball" else "cylinder"}" size="{part["radius"]!r}" '
+            f'mass="{part["mass"]!r}" '
+            + (f'pos="{_text(part["position"])}" {touch}/>' if "position" in part
+               else f'fromto="{_text(part["from"])} {_text(part["to"])}" contype="0" conaffinity="0"/>')
+            for part in body["parts"]
+        )  # fmt: skip
+        sites = "".join(
+            f'<site name="{name}.{key}" pos="{_text(at["position"] if isinstance(at, dict) else at)}"/>'
+            for key, at in body["points"].items()
+        )
+        place = f'pos="{_text(np.add(body["from"], body["to"]) / 2)}" quat="{_text(read_orientation(body))}"'
+        bodies.append(f'<body name="{name}" {place}><freejoint/>{geoms}{sites}</body>')
+    for name, member in scene["members"].items():
+        ends = "".join(f'<site site="{end}"/>' for end in member["nodes"])
+        servo = bool(ground) and not name.startswith("vertical")
+        stiffness = member["spring_constant"] - (SERVO if servo else 0.0)
+        spring = f'stiffness="{stiffness!r}" damping="{member["damping"]!r}"'
+        spring += f' springlength="0 {member["rest_length"]!r}"'
+        tendons.append(f'<spatial name="{name}" {spring}>{ends}</spatial>')
+        if servo:
+            servos.append(f'<position tendon="{name}" kp="{SERVO!r}" ctrlrange="0.1 0.3"/>')
+    floor = '<geom type="plane" size="5 5 1" contype="2" conaffinity="1"/>' if ground else ""
+    pull = _text(scene.get("gravity", (0.0, 0.0, 0.0)))
+    return (
+        f'<mujoco><compiler angle="radian"/><option timestep="{step!r}" integrator="{integrator}" '
+        f'gravity="{pull}" cone="elliptic">{flag}</option><default>'
+        '<geom condim="3" friction="0.8 0.005 0.0001" solref="-5000 -50"/>'
+        f'<general dyntype="filter" dynprm="0.05"/></default><worldbody>{floor}{"".join(bodies)}</worldbody>'
+        f"<tendon>{''.join(tendons)}</tendon><actuator>{''.join(servos)}</actuator></mujoco>"
+    )
+
+
+def _text(values: Any) -> str:
+    return " ".join(repr(float(value)) for value in values)
+
+
+if __name__ == "__main__":
+    main()
