@@ -47,7 +47,13 @@ FLIGHT_TIME, FLIGHT_ERROR = 0.5, 1e-6
 GROUND_TIMES, SLOPES = (1.0, 2.0), (0.0, 5.0)
 LIFT, BALL = 0.03, 0.024  # of the rods above their place in flight, radius of the balls [m]
 SERVO = 500.0  # stiffness of the servos of bottom and top cables, which hold 0.16 m [N/m]
-GROUND = {"stiffness": 11361.0, "dissipation": 2.0, "friction": 0.8, "stick_damping": 30.0}
+GROUND = {
+    "stiffness": 11361.0,
+    "stick_stiffness": 11361.0,
+    "dissipation": 2.0,
+    "friction": 0.8,
+    "stick_damping": 30.0,
+}
 METHODS = ("rk54", "rk853")
 RTOLS = tuple(10.0 ** (-k / 4) for k in range(12, 40))
 GROUND_RTOLS = (1e-4, 1e-6, 1e-8, 1e-10)
@@ -126,7 +132,8 @@ def print_tables(found: Mapping[str, Any]) -> Iterator[str]:
         head = ("floor", "time [s]", "program", "setting", "change [m]", "CPU [ms]", "times slower than ours")
         rows = [
             (f"{row['slope']:.0f} deg", f"{row['t_end']:.0f}", row["name"], row["setting"],
-             f"{row['error']:.1e}", f"{1e3 * row['seconds']:.2f}", f"{row['ratio']:.0f}" if row["ratio"] else "")
+             f"{row['error']:.1e}", f"{1e3 * row['seconds']:.2f}",
+             f"{row['ratio']:.0f}" if row["ratio"] else "")
             for row in found["ground"]
         ]  # fmt: skip
         yield table_text(head, rows)
@@ -179,7 +186,7 @@ def try_ours(scene: dict[str, Any], exact: Array, folder: Path) -> Iterator[tupl
         simulation_quantities("rigid_bar"),
         formulation="rigid_bar",
         integrators=METHODS,
-        events=(AUTO_EVENTS,),
+        events=AUTO_EVENTS,
     )
     built = build_library(structure, request, flags="native")
     model = built.load()
@@ -258,7 +265,7 @@ def measure_ground(slope: float, t_end: float, rounds: int) -> list[Row]:
         simulation_quantities("rigid_bar"),
         formulation="rigid_bar",
         integrators=METHODS,
-        events=(AUTO_EVENTS,),
+        events=AUTO_EVENTS,
     )
     model = build_library(structure, request, flags="native").load()
     at = [structure.node_name.index(name) for name in BodyReference(scene).index]
