@@ -23,11 +23,11 @@ from tests.free_body_cases import (
     make_three_rods,
 )
 from tests.models import simulator
-from tests.reference_bodies import BodyReference
+from tests.reference_bodies import BodyReference, turn
 
 Array = Any
 METHODS = ("rk54", "rk853", "radau")
-each_method = pytest.mark.parametrize("method", ["rk853", *thorough("rk54", "radau")])
+each_method = pytest.mark.parametrize("method", ["rk853", *thorough("rk54", "radau", "reference")])
 SCENES = {
     "middle": make_middle_axis,
     "ball": lambda: make_roller(20.0, 0.5),
@@ -48,6 +48,11 @@ def compile_case(name: str) -> tuple[MappedScene, CompiledModel]:
 
 def move(name: str, method: str, times: Any, rtol: float = 1e-12) -> tuple[Array, Array, Array, Array]:
     """Return centres, rotations, velocities and angular velocities of the bodies at these times."""
+    if method == "reference":
+        reference = BodyReference(SCENES[name]())
+        states = reference.integrate(times, rtol, max_step=2e-3 if name == "dropped" else np.inf)
+        r, q, _, v, omega, _, _ = zip(*map(reference.split, states), strict=True)
+        return tuple(np.array(part) for part in (r, turn(np.array(q)), v, omega))  # type: ignore[return-value]
     mapped, model = compile_case(name)
     stepping = Stepping(atol=rtol / 100, control="steps", max_steps=10_000_000)
     times = np.array([0.0, *times])
@@ -89,7 +94,7 @@ def test_a_body_about_its_middle_axis_turns_over(method: str) -> None:
     ("name", "slope", "expected"),
     [
         ("ball", 20.0, (1.198294741105, 2.396584004303, 23.965840043034)),
-        ("sliding", 20.0, (1.217271781199, 2.433961627499, 23.031399363134)),
+        ("sliding", 20.0, (1.217271781199, 2.433961627499, 23.031399463119)),
         ("across", 10.0, (0.601231573396, 1.202462557450, 40.082085245)),
     ],
 )
@@ -99,7 +104,7 @@ def test_balls_and_a_rod_across_roll_down_a_slope(
     """The rod without spin would slide to 0.85 m; the ball with little friction slides and spins."""
     down = np.array([np.cos(np.radians(slope)), 0.0, -np.sin(np.radians(slope))])
     centre, _, velocity, omega = move(name, method, [1.0])
-    start = compile_case(name)[0].reference.start[:3]
+    start = BodyReference(SCENES[name]()).start[:3]
     assert near([(centre[0, 0] - start) @ down, velocity[0, 0] @ down, omega[0, 0, 1]], expected)
     assert near(omega[0, 0, [0, 2]], 0.0)
     if name == "across":
