@@ -211,7 +211,7 @@ def make_random(seed: int, *, grounded: bool = True, damping: float = 2.0) -> di
     nodes: dict[str, Any] = {
         "n0": {"position": rng.normal(size=3), "mass": 0.3, "velocity": rng.normal(size=3)}
     }
-    nodes["fixed"] = {"position": rng.normal(size=3), "anchored": True}
+    nodes["fixed"] = {"position": rng.normal(size=3) + np.array([0.0, 0.0, 4.0]), "anchored": True}
     ends = [f"{b}.{p}" for b, body in bodies.items() for p in body["points"]] + list(nodes)
     names = sorted(
         {*(f"b{b}.s0" for b in range(len(bodies))), *(f"b{b}.s1" for b in range(len(bodies))), "n0"}
@@ -227,10 +227,11 @@ def make_random(seed: int, *, grounded: bool = True, damping: float = 2.0) -> di
     members: dict[str, Any] = {}
     while len(members) < 3 * len(bodies) + 2:
         first, second = rng.choice(len(ends), 2, replace=False)
-        pair = [ends[first], ends[second]]
+        pair = [["n0", "b0.p2"], ["b0.p3", "fixed"], [ends[first], ends[second]]][min(len(members), 2)]
         owners = [found.owner[found.index[name]] for name in pair]
         length = np.linalg.norm(np.subtract(*(position[found.index[name]] for name in pair)))
-        if owners[0] != owners[1] and length > 0.05:
+        is_new = sorted(pair) not in [sorted(member["nodes"]) for member in members.values()]
+        if owners[0] != owners[1] and length > 0.05 and is_new:
             values = {"spring_constant": rng.uniform(50, 500), "rest_length": length * rng.uniform(0.7, 1.1)}
             kind = "bar" if rng.random() < 0.2 else "cable"
             members[f"m{len(members)}"] = {
@@ -326,9 +327,10 @@ class MappedScene:
         # Nodes as points of the reference: corners of bodies, points by name.
         count = self.structure.n_nodes
         self.owner, self.local = np.zeros(count, dtype=int), np.zeros((count, 3))
+        index = {name.replace(".", "_"): point for name, point in self.reference.index.items()}
         for node, name in enumerate(self.structure.node_name):
-            if name in self.reference.index:
-                point = self.reference.index[name]
+            if name in index:
+                point = index[name]
                 self.owner[node], self.local[node] = self.reference.owner[point], self.reference.local[point]
         for b, body in enumerate(self.structure.bodies):
             self.owner[list(body.corner)] = b
@@ -336,8 +338,7 @@ class MappedScene:
         # Deflections along the tangents of the ground.
         ground = self.structure.ground
         if ground is not None:
-            names = [self.structure.node_name[node] for node in ground.node]
-            at = [self.reference.index[name] for name in names]
+            at = [index[self.structure.node_name[node]] for node in ground.node]
             self.contact = [self.reference.contacts.tolist().index(point) for point in at]
             self.tangent = ground.tangents((0, 1, 2))
 

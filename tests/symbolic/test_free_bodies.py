@@ -43,8 +43,12 @@ class Case:
         return self.mapped.rates(y, reference.rates(y, rest_length, load))
 
     def steps(self) -> Array:
-        """Return one imaginary step along each coordinate of the reference."""
-        return self.y + 1j * TINY * np.eye(len(self.y))
+        """Return one imaginary step along each coordinate of the reference; deflections stay in the plane."""
+        normal, along = self.mapped.reference.normal, np.eye(len(self.y))
+        first = len(self.y) - 3 * len(self.mapped.reference.contacts)
+        plane = np.eye(3) - np.outer(normal, normal)
+        along[first:, first:] = np.kron(np.eye(len(self.mapped.reference.contacts)), plane)
+        return self.y + 1j * TINY * along
 
 
 def differ(found: Array, expected: Array) -> float:
