@@ -17,6 +17,7 @@ def make_middle_axis() -> dict[str, Any]:
     body = {
         "kind": "rigid",
         "mass": 1.0,
+        "position": [0.0, 0.0, 0.0],
         "inertia": [1e-3, 2e-3, 3e-3],
         "angular_velocity": [0.02, 6.0, 0.01],
     }

@@ -230,7 +230,8 @@ def test_frequencies_of_a_robot_on_three_feet(make: Any, least: int) -> None:
     names = linearize_quantities("rigid_bar", with_inputs=False)
     model = simulator(mapped.structure, "rk853", more=names, formulation="rigid_bar")
     state, n = mapped.state(y), mapped.structure.n_coordinates
-    found = linearize(model, coordinate=state[:n], arguments={"internal": state[2 * n :]})
+    still = {"velocity": np.zeros(n), "arguments": {"internal": state[2 * n :]}}
+    found = linearize(model, coordinate=state[:n], **still)
     expected = np.linalg.eigvals(differentiate(reference, y))
     # Oscillations alone: the reference has a zero more for the length of each quaternion.
     right = np.sort(np.abs(expected[expected.imag > 1e-3])) / (2 * np.pi)
@@ -266,13 +267,13 @@ def differentiate(reference: BodyReference, y: Array) -> Array:
     return np.array([reference.rates(step).imag for step in steps]).T / 1e-30
 
 
-@pytest.mark.parametrize("seed", [*range(2), *thorough(*range(2, 20))])
+@pytest.mark.parametrize("seed", [0, *thorough(*range(1, 20))])
 @pytest.mark.parametrize("method", ["rk54", "rk853"])
 def test_told_errors_of_random_motions_are_not_below_the_true_ones(seed: int, method: str) -> None:
     """Of corners and of points of bodies, which may be far from the corners."""
     model, exact = compile_random(seed)
     for rtol in (1e-4, 1e-7):
-        found = simulate(model, 0.2, samples=5, method=method, rtol=rtol)
+        found = simulate(model, 0.1, samples=4, method=method, rtol=rtol)
         assert found.status == "ok"
         for name, atol in (("node_position", "atol"), ("node_velocity", "atol_speed")):
             right = exact[name]
@@ -287,7 +288,7 @@ def compile_random(seed: int) -> tuple[CompiledModel, dict[str, Array]]:
     """Return a random scene, its library, and its motion by the reference."""
     mapped = MappedScene(make_random(seed))
     model = simulator(mapped.structure, "rk54", "rk853", formulation="rigid_bar")
-    states = mapped.reference.integrate(np.linspace(0.0, 0.2, 5)[1:], 1e-12)
+    states = mapped.reference.integrate(np.linspace(0.0, 0.1, 4)[1:], 1e-12)
     nodes = [mapped.move_nodes(y) for y in [mapped.reference.start, *states]]
     position, velocity = (np.array(values) for values in zip(*nodes, strict=True))
     return model, {"node_position": position, "node_velocity": velocity}
