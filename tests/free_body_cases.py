@@ -153,7 +153,7 @@ def make_standing_robot() -> dict[str, Any]:
     for end, z in (("a", 0.25), ("b", -0.25)):
         points |= {f"{end}{k}": [x, y, 0.95 * z] for k, (x, y) in enumerate(((0.012, 0.003), (-0.012, 0.0)))}
         points[f"foot_{end}"] = {"position": [0.0, 0.0, z], "radius": 0.02}
-    rod: dict[str, Any] = {"kind": "rigid", "mass": 0.15, "inertia": [3e-3, 3.1e-3, 2e-5], "points": points}
+    rod: dict[str, Any] = {"kind": "rigid", "mass": 0.15, "inertia": [3e-3, 3.01e-3, 2e-5], "points": points}
     bodies = {
         f"rod{k}": rod | {"from": place[2 * k + 1].tolist(), "to": place[2 * k].tolist()} for k in range(6)
     }
