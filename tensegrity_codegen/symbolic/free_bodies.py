@@ -32,7 +32,8 @@ class BodyFrame:
         self.body = body
         self.principal, self._corner, _, self._moments = body.tetrahedron
         self.centre, self.axes = self._split([position[k] for k in body.corner])
-        self.centre_rate, self.axis_rates = self._split([velocity[k] for k in body.corner])
+        self.corner_rates = [velocity[k] for k in body.corner]
+        self.centre_rate, self.axis_rates = self._split(self.corner_rates)
 
     def _split(self, corner: list[Vector]) -> tuple[Vector, list[Vector]]:
         """Return the combinations of corners for the centre of mass and the principal axes."""
@@ -140,14 +141,20 @@ class BodyFrame:
         return self._spread(self.centre, axes)
 
     def straighten_velocity(self) -> list[Vector]:
-        """Return the velocities of the corners that keep the edges, of equal momenta [m/s]."""
-        w, (u1, u2, u3) = self.spin, self.axes
-        rates = [
-            [w[2] * y - w[1] * z for y, z in zip(u2, u3, strict=True)],
-            [w[0] * z - w[2] * x for x, z in zip(u1, u3, strict=True)],
-            [w[1] * x - w[0] * y for x, y in zip(u1, u2, strict=True)],
-        ]
-        return self._spread(self.centre_rate, rates)
+        """Return the velocities of the corners that keep the edges, of equal momenta [m/s].
+
+        As changes, which are small: products with constants would round the spin the same way at each step.
+        """
+        u, w, moments = self.axes, self.axis_rates, self._moments.tolist()
+        change = [[(-dot(a, b), a)] for a, b in zip(u, w, strict=True)]
+        for j, k in PAIRS:
+            bend = (dot(w[j], u[k]) + dot(w[k], u[j])) * (-1.0 / (moments[j] + moments[k]))
+            change[j].append((moments[k] * bend, u[k]))
+            change[k].append((moments[j] * bend, u[j]))
+        moved = self._spread(
+            [ca.SX(0.0)] * 3, [add_vectors([[x * c for c in v] for x, v in row]) for row in change]
+        )
+        return [add_vectors(pair) for pair in zip(self.corner_rates, moved, strict=True)]
 
 
 def cross(a: Sequence[Scalar], b: Sequence[Scalar]) -> Vector:
