@@ -31,7 +31,8 @@ class BodyFrame:
     def __init__(self, body: FreeBody, position: list[Vector], velocity: list[Vector]) -> None:
         self.body = body
         self.principal, self._corner, _, self._moments = body.tetrahedron
-        self.centre, self.axes = self._split([position[k] for k in body.corner])
+        self.corners = [position[k] for k in body.corner]
+        self.centre, self.axes = self._split(self.corners)
         self.corner_rates = [velocity[k] for k in body.corner]
         self.centre_rate, self.axis_rates = self._split(self.corner_rates)
 
@@ -133,12 +134,17 @@ class BodyFrame:
         ]
 
     def straighten(self) -> list[Vector]:
-        """Return the corners with the axes at right angles, by two steps U (3 - U^T U) / 2 [m]."""
-        axes = self.axes
+        """Return the corners with the axes at right angles, by two steps U (3 - U^T U) / 2 [m].
+
+        As changes, which are small: products with constants would round places the same way at each step.
+        """
+        axes, changes = self.axes, []
         for _ in range(2):
-            square = [[-0.5 * dot(a, b) + (1.5 if a is b else 0.0) for b in axes] for a in axes]
-            axes = [combine(list(enumerate(column)), axes) for column in square]
-        return self._spread(self.centre, axes)
+            square = [[(0.5 if a is b else 0.0) - 0.5 * dot(a, b) for b in axes] for a in axes]
+            changes.append([combine(list(enumerate(column)), axes) for column in square])
+            axes = [add_vectors(pair) for pair in zip(axes, changes[-1], strict=True)]
+        moved = self._spread([ca.SX(0.0)] * 3, [add_vectors(pair) for pair in zip(*changes, strict=True)])
+        return [add_vectors(pair) for pair in zip(self.corners, moved, strict=True)]
 
     def straighten_velocity(self) -> list[Vector]:
         """Return the velocities of the corners that keep the edges, of equal momenta [m/s].
