@@ -378,7 +378,8 @@ class _Body:
                 for place, step in enumerate(loop.results)
             ),
         ]
-        notes = Annotations({offset + k: f"{prefix}_e" for k, prefix in enumerate(prefixes) if prefix})
+        own = _UniqueNames(set())  # members that share a length have two tensions
+        notes = Annotations({offset + k: own.choose(f"{name}_e") for k, name in enumerate(prefixes) if name})
         body = _Body(
             instructions,
             arrays,

@@ -13,6 +13,8 @@ from tensegrity_codegen.codegen.print.instructions import read_instructions
 from tensegrity_codegen.codegen.print.member_loops import MIN_MEMBERS, find_member_loops
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.scene.assemble.assemble import assemble
+from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.system.errors import NonFiniteError
@@ -223,3 +225,28 @@ def test_names_of_single_members_are_not_those_of_arrays(name: str) -> None:
     model, plain = build(renamed, request), build(structure, request)
     for quantity in request.quantities:
         np.testing.assert_array_equal(dense(model.compute(quantity)), dense(plain.compute(quantity)))
+
+
+def test_members_that_share_a_length_have_a_tension_each_in_a_loop() -> None:
+    places = [[0.1, 0, 0], [0, 0.1, 0], [-0.1, 0, 0], [0, -0.1, 0]]
+    points = {f"p{k}": place for k, place in enumerate(places)}
+    body = {"kind": "rigid", "mass": 1.0, "inertia": [0.01, 0.02, 0.03], "points": points}
+    cable = {"kind": "cable", "spring_constant": 100.0, "rest_length": 0.9}
+    ends = [{"nodes": [f"a.p{k}", f"b.p{k}"]} for k in range(4)]
+    spring = {"spring_constant": 70.0, "rest_length": 0.5}
+    members = {f"m{k}": cable | ends[k] for k in range(4)} | {
+        f"n{k}": cable | ends[k] | spring for k in range(4)
+    }
+    scene = {
+        "name": "pairs",
+        "bodies": {"a": body | {"position": [0.0, 0.0, 0.0]}, "b": body | {"position": [0.0, 0.0, 1.0]}},
+        "members": members,
+    }
+    structure, _ = assemble(parse_scene(scene))
+    request = ModelRequest(("member_tension", "acceleration"), formulation="rigid_bar", emitter="unrolled")
+    source = emit(structure, request)
+    assert "tension_e_2" in source.files["pairs.c"]
+    tension = build(structure, request).compute("member_tension")
+    of = dict(zip(structure.member_name, tension, strict=True))
+    assert [of[f"m{k}"] for k in range(4)] == pytest.approx([10.0] * 4)
+    assert [of[f"n{k}"] for k in range(4)] == pytest.approx([35.0] * 4)
