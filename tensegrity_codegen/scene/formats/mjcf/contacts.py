@@ -24,7 +24,7 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, name_list
 
 SPEED = 1.0  # m/s, of the impact for which the restitution is stated
-FEET, DEEPEST = 3, 0.2  # on as many feet balls may sink in by this part of their radius
+FEET, DEEPEST = 3, 0.2  # on as many contacts balls may sink in by this part of their radius
 OUTER = 12  # of a link's largest balls may have others inside
 INSIDE = 1e-9  # m, by which a ball may stand out of others and be left out
 SOLREF, SOLIMP, FRICTION = "0.02 1", "0.9 0.95 0.001 0.5 2", "1 0.005 0.0001"
@@ -137,8 +137,8 @@ def _build(
     radii = [ball.radius for several in balls.values() for ball in several]
     counts = Counter(contact for _, _, contact in touching)
     contact = counts.most_common(1)[0][0]
-    weight = abs(float(np.asarray(gravity) @ normal)) * sum(link.mass for link in links)
-    values, note = _read_stiffness(contact, weight, sum(link.mass for link in links), radii)
+    down = abs(float(np.asarray(gravity) @ normal)) or 9.81
+    values, note = _read_stiffness(contact, down, sum(link.mass for link in links), radii)
     ground = {"normal": normal.tolist(), "offset": float(normal @ plane.position) + 0.0, **values}
     ground["friction"] = contact.friction if contact.condim > 1 else 0.0
     fixed = [geom for geom in links[0].geoms if geom is not plane and geom.kind != "hfield"]
@@ -200,13 +200,12 @@ def _is_inside(ball: Ball, one: Ball, other: Ball) -> bool:
 
 
 def _read_stiffness(
-    contact: _Contact, weight: float, mass: float, radii: Sequence[float]
+    contact: _Contact, gravity: float, mass: float, radii: Sequence[float]
 ) -> tuple[dict[str, Any], str]:
     """Return stiffness and restitution of the ground, and the note on what was made of solref.
 
-    weight [N] across the ground, mass [kg]: of all that moves; radii: of the balls [m].
+    gravity: across the ground [m/s2]; mass: of all that moves [kg]; radii: of the balls [m].
     """
-    gravity = weight / (mass or 1.0) or 9.81
     first, second = contact.solref
     if not first or not second or (first > 0) != (second > 0):  # MuJoCo has its default then
         first, second = (float(word) for word in SOLREF.split())
@@ -215,18 +214,19 @@ def _read_stiffness(
     stiffness = -first / high**2 if direct else 1.0 / max(high * first * second, 1e-9) ** 2
     damping = -second / high if direct else 2.0 / (high * first)
     depth = _find_depth(contact.solimp, stiffness, gravity)
+    feet, radius = min(FEET, len(radii)) or 1, min((radius for radius in radii if radius > 0), default=np.inf)
     # In newtons for a metre the numbers of heavy models would be too soft to stand on.
-    radius = min((radius for radius in radii if radius > 0), default=np.inf)
-    as_stated = direct and mass * gravity / (FEET * -first) <= DEEPEST * radius
+    as_stated = direct and mass * gravity / (feet * -first) <= DEEPEST * radius
     ratio = min(damping / (2 * math.sqrt(stiffness)), 1.0)  # beyond it impacts end nearly as they do at 1
     restitution = _find_restitution(ratio)
-    values: dict[str, Any] = {"stiffness": -first} if as_stated else {"penetration": depth}
-    if not weight and not as_stated:
-        values = {"stiffness": mass * gravity / ((len(radii) or 1) * depth)}
+    values: dict[str, Any] = {"stiffness": -first if as_stated else mass * gravity / (feet * depth)}
     values["restitution"] = {"value": restitution, "speed": SPEED}
-    made = f"the depth {depth:.3g} m at rest that it has in MuJoCo"
-    if as_stated:
-        made = f"stiffness {-first:g} N/m (in MuJoCo it acts for each kilogram: {depth:.3g} m deep at rest)"
+    made = f"stiffness {values['stiffness']:g} N/m"
+    made += (
+        f" (in MuJoCo it acts for each kilogram: {depth:.3g} m deep at rest)"
+        if as_stated
+        else (f", with which it rests on {feet} contacts as deep as each is in MuJoCo, {depth:.3g} m")
+    )
     note = (
         f"solref {first:g} {second:g} of the ground is read as {made}, and as the restitution "
         f"{restitution:.3g} of its damping ratio {ratio:.3g}, here at {SPEED:g} m/s"

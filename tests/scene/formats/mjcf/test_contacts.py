@@ -50,19 +50,19 @@ def test_a_plane_is_the_ground_and_spheres_that_are_not_inside_others_touch_it(t
 def test_heavy_models_and_time_constants_have_the_depth_at_rest_of_mujoco(tmp_path: Path) -> None:
     down = 9.81 * math.cos(math.radians(10))
     heavy, _, _ = read(tmp_path, ('mass="0.06"', 'mass="600"'))
-    assert "stiffness" not in heavy
-    assert heavy["penetration"] == pytest.approx(_find_depth(STANDARD, 5000 / 0.95**2, down), rel=1e-12)
+    depth = _find_depth(STANDARD, 5000 / 0.95**2, down)
+    assert heavy["stiffness"] == pytest.approx(2 * 600.18 * down / (3 * depth), rel=1e-12)  # on three feet
     floating, _, _ = read(tmp_path, ('mass="0.06"', 'mass="600"'), ('gravity="0 0 -9.81"', 'gravity="0 0 0"'))
     depth = _find_depth(STANDARD, 5000 / 0.95**2, 9.81)
-    assert floating["stiffness"] == pytest.approx(2 * 600.18 * 9.81 / (4 * depth), rel=1e-12)
+    assert floating["stiffness"] == pytest.approx(2 * 600.18 * 9.81 / (3 * depth), rel=1e-12)
     timed, _, notes = read(tmp_path, (' solref="-5000 -50"', ' solref="0.04 0.5"'))
+    depth = 2 * 0.24 * down / (3 * timed["stiffness"])
     stiffness = 1 / (0.95 * 0.04 * 0.5) ** 2
-    depth = timed["penetration"]
     x = depth / 0.001
     impedance = 0.9 + 0.05 * (2 * x**2 if x < 0.5 else 1 - 2 * (1 - x) ** 2) if x < 1 else 0.95
     assert depth == pytest.approx(down * (1 - impedance) / (impedance**2 * stiffness), rel=1e-9)
     assert timed["restitution"]["value"] == pytest.approx(_find_restitution(0.5))
-    assert any("the depth" in note and "damping ratio 0.5" in note for note in notes)
+    assert any("as deep as each is" in note and "damping ratio 0.5" in note for note in notes)
 
 
 @pytest.mark.peers
