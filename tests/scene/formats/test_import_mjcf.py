@@ -23,6 +23,7 @@ from tensegrity_codegen.system.errors import (
     UnknownNameError,
 )
 from tests.export.test_export_mjcf import build_scene
+from tests.scene.formats.mjcf.models import ROBOT
 
 TEXT = """<mujoco model="two rods">
   <compiler angle="degree"/>
@@ -375,3 +376,62 @@ def test_elements_and_classes_have_a_limited_number_of_attributes(tmp_path: Path
             load(tmp_path, TEXT.replace(old, new))
         assert caught.value.where.endswith("model.xml: site")
         assert caught.value.given == 65
+
+
+def test_bodies_of_a_model_become_bodies_of_a_structure(tmp_path: Path) -> None:
+    new = build(load(tmp_path, ROBOT).document)
+    assert [body.name for body in new.bodies] == ["rod0", "rod1"]
+    for body in new.bodies:
+        assert body.mass == pytest.approx(0.24)
+        np.testing.assert_allclose(
+            body.inertia, np.diag([3.792002666667e-3, 3.792002666667e-3, 3.3816e-5]), atol=1e-14
+        )
+    assert by_name(new, "node_position", ("hook",)).tolist() == [[0, 0, 1]]
+    assert new.ground is not None
+    assert new.ground.stiffness == 5000
+    assert [sensor.kind for sensor in new.sensors][:2] == ["node_position", "angular_velocity"]
+    assert [actuator.name for actuator in new.actuators] == ["servo", "pull"]
+
+
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.text(st.characters(exclude_categories=["Cs", "Cc"]), min_size=1, max_size=30))
+def test_hostile_names_of_bodies_become_names_of_a_scene(tmp_path: Path, word: str) -> None:
+    from xml.sax.saxutils import quoteattr
+
+    text = ROBOT
+    for old in ('"rod0"', '"rod1_in"', '"low_rod0"', '"servo"', '"winch"', '"g"', '"a"'):
+        text = text.replace(old, quoteattr(f"{word}~{old[1:-1]}"))
+    structure = build(load(tmp_path, text).document)
+    assert len(structure.bodies) == 2
+    assert len(structure.actuators) == 2
+    assert structure.n_members - 12 == 6  # six edges hold each body
+
+
+@pytest.mark.peers
+def test_imported_bodies_move_as_in_mujoco(tmp_path: Path) -> None:
+    mujoco = pytest.importorskip("mujoco", reason="needs the package mujoco")
+    # Slack tendons of MuJoCo keep their damping, those with one length push though they run over sites.
+    text = ROBOT.replace('damping="3"', "").replace(
+        'cone="elliptic"/>', '><flag contact="disable"/></option>'
+    )
+    text = text.replace('<muscle name="muscle" tendon="c"/>', "")
+    document = {**load(tmp_path, text).document, "model": {"formulation": "rigid_bar"}}
+    own = simulate(
+        compile_scene(document, for_="simulate", method="rk853"),
+        t_end=0.1,
+        samples=3,
+        method="rk853",
+        rtol=1e-9,
+    )
+    model = mujoco.MjModel.from_xml_string(text)
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    model.opt.timestep = 1e-5
+    data = mujoco.MjData(model)
+    data.ctrl[model.actuator("servo").id] = 0.1  # the end of its range nearest to 0
+    data.ctrl[model.actuator("both").id] = 0.0
+    mujoco.mj_step(model, data, nstep=10000)
+    mujoco.mj_kinematics(model, data)
+    for name in ("rod0_out", "rod0_in", "rod0_top", "rod1_in", "rod1_top"):
+        place = own.node_position[-1, own.node_name.index(f"{name[:4]}_{name}")]
+        np.testing.assert_allclose(place, data.site(name).xpos, atol=1e-6)
+    assert np.abs(own.node_position[-1] - own.node_position[0]).max() > 0.05
