@@ -249,11 +249,24 @@ class EquilibriumResult(SearchResult):
         return {
             **equilibrium.as_evidence(),
             "node_position": dict(zip(nodes, equilibrium.node_position.tolist(), strict=True)),
+            **self._place_bodies(),
             "member_length": dict(zip(members, equilibrium.member_length.tolist(), strict=True)),
             "member_tension": dict(zip(members, equilibrium.member_tension.tolist(), strict=True)),
             "held_load": self.case.held_load,
             "inputs": dict(self.case.inputs),
         }
+
+    def _place_bodies(self) -> dict[str, Any]:
+        """Return centres of mass [m] and axes of rigid bodies by name, nothing without any."""
+        from tensegrity_codegen.tables.body_places import place_bodies
+
+        bodies = getattr(self.case.subject, "body_places", ())
+        if not bodies:
+            return {}
+        centre, axes = place_bodies(bodies, self.equilibrium.node_position)
+        names = [body.name for body in bodies]
+        placed = {"body_position": centre, "body_axes": axes}
+        return {key: dict(zip(names, values.tolist(), strict=True)) for key, values in placed.items()}
 
     def describe(self) -> list[Any]:
         """Return status, nodes, members, residual and motion."""

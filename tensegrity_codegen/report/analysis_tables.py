@@ -16,6 +16,7 @@ from tensegrity_codegen.runtime.analysis.prestress import Prestress
 from tensegrity_codegen.runtime.model.arrays import write_arrays
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS
+from tensegrity_codegen.structure.outline import hide_bodies
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import describe_count
@@ -255,7 +256,8 @@ def describe_counts(analysis: Analysis) -> tuple[tuple[str, str], ...]:
 
 def analysis_members_table(analysis: Analysis, subject: Subject) -> LongTable:
     """Return a table of the members: tensions found and present, and the part used of each limit."""
-    checks = analysis.members
+    subject = hide_bodies(subject) if isinstance(subject, Structure) else subject
+    checks, count = analysis.members, len(subject.member_name)
     limited = [name for name in MEMBER_CHECKS if not np.isnan(checks.use[name]).all()]
     has_stress = not np.isnan(checks.stress).all()
     heads = [
@@ -269,18 +271,19 @@ def analysis_members_table(analysis: Analysis, subject: Subject) -> LongTable:
     if not shown.is_found and analysis.load_prestress is not None:
         shown = analysis.load_prestress
 
+    tension, present = shown.tension[:count], analysis.member_tension[:count]
+
     def describe(e: int) -> list[str]:
-        cells = [subject.member_name[e], f"{shown.tension[e]:+.5f}", f"{analysis.member_tension[e]:+.5g}"]
+        cells = [subject.member_name[e], f"{tension[e]:+.5f}", f"{present[e]:+.5g}"]
         if has_stress:
             cells += [_number(checks.stress[e] / 1e6), _number(checks.buckling_factor[e])]
         return cells + [_number(100 * checks.use[limit][e]) for limit in limited]
 
     return LongTable(
-        f"{subject.name}: members", tuple(heads), f"f{'r' * (len(heads) - 1)}", len(subject.member_name),
-        describe, "members", rank_members(subject, shown.tension, checks),
+        f"{subject.name}: members", tuple(heads), f"f{'r' * (len(heads) - 1)}", count,
+        describe, "members", rank_members(subject, tension, checks),
         short=classes_table(
-            subject, {"prestress": shown.tension, "tension\n[N]": analysis.member_tension},
-            shown.tension, checks,
+            subject, {"prestress": tension, "tension\n[N]": present}, tension, checks,
         ),
     )  # fmt: skip
 
@@ -290,7 +293,8 @@ def certificate_table(analysis: Analysis, subject: Subject) -> LongTable | None:
     proof, motion = analysis.certificate, analysis.certificate_displacement
     if proof is None or motion is None or not proof.is_verified:
         return None
-    axes = list(subject.axes)
+    subject = hide_bodies(subject) if isinstance(subject, Structure) else subject
+    axes, motion = list(subject.axes), motion[: len(subject.node_name)]
     size = np.linalg.norm(motion[:, axes], axis=1)
     return LongTable(
         f"{subject.name}: displacements that prove it, for a largest shortening of 1",

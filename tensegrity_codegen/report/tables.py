@@ -9,6 +9,7 @@ from tensegrity_codegen.report.long_table import LongTable, Ranking, add_row, ne
 from tensegrity_codegen.runtime.trajectory.trajectory import Foot
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.member_limits import MemberChecks
+from tensegrity_codegen.structure.outline import hide_bodies
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.manifest import Manifest
@@ -96,6 +97,8 @@ def memory_table(code_bytes: int | None, stack_bytes: Mapping[str, int]) -> "Tab
 
 def nodes_table(structure: Structure, node_position: FloatArray) -> LongTable:
     """Return a table of the nodes at node_position (n_nodes, 3) [m] with their held axes."""
+    structure = hide_bodies(structure)
+    node_position = node_position[: structure.n_nodes]
     letters = ["xyz"[axis] for axis in structure.axes]
     moved = np.linalg.norm(node_position - structure.node_position, axis=1)
 
@@ -202,6 +205,8 @@ def members_table(
 
     The strain is (l - rho) / rho, from the stated rest lengths rho. checks: members against their limits.
     """
+    structure = hide_bodies(structure)
+    member_length, member_tension = (x[: structure.n_members] for x in (member_length, member_tension))
     strain = 100 * (member_length - structure.rest_length) / structure.rest_length
 
     def describe(e: int) -> list[str]:
@@ -226,6 +231,11 @@ def members_table(
     )  # fmt: skip
 
 
+def _cut_uses(checks: MemberChecks | None, count: int) -> list[FloatArray]:
+    """Return the used parts of limits of the first members, which are those of tables."""
+    return [] if checks is None else [use[:count] for use in checks.use.values()]
+
+
 def classes_table(
     structure: Structure | BodySystem,
     values: Mapping[str, FloatArray],
@@ -243,7 +253,7 @@ def classes_table(
     if not 2 < len(rows) <= len(structure.member_class) // 2 or not any(structure.member_class):
         return None
     unknown = np.full(len(member_tension), np.nan)
-    use = np.fmax.reduce([unknown, *(checks.use.values() if checks is not None else ())])
+    use = np.fmax.reduce([unknown, *_cut_uses(checks, len(unknown))])
     weight = np.where(np.isnan(use), np.abs(member_tension) / (1 + np.abs(member_tension).max()) - 2, use)
     worst = {name: max(members, key=lambda e: weight[e]) for name, members in rows.items()}
     names = list(rows)
@@ -304,7 +314,7 @@ def rank_members(
     if there are any, these count in place of the compression of bars.
     """
     unknown = np.full(len(member_tension), np.nan)
-    use = np.fmax.reduce([unknown, *(checks.use.values() if checks is not None else ())])
+    use = np.fmax.reduce([unknown, *_cut_uses(checks, len(unknown))])
     limited = np.flatnonzero(~np.isnan(use))
     bars = np.flatnonzero(structure.is_bar)
     cables = np.flatnonzero(~structure.is_bar)

@@ -184,7 +184,9 @@ def check_members(
         use=MappingProxyType(use),
         exceeded=_list_exceeded(names, value, allowed, use),
         worst=_find_worst(names, use),
-        largest_use=np.fmax.reduce([np.zeros_like(tension), *use.values(), *doubtful.values()]).max(axis=-1),
+        largest_use=np.fmax.reduce([np.zeros_like(tension), *use.values(), *doubtful.values()]).max(
+            axis=-1, initial=0.0
+        ),
         doubtful=_list_exceeded(names, {**value, "strain": strain}, threshold, doubtful),
     )
 
@@ -211,7 +213,8 @@ def summarise_tensions(structure: Structure | BodySystem, tension: FloatArray) -
     """Return the ranges of the tensions of cables and of bars, and which cables are slack in some state."""
     tension = tension.reshape(-1, len(structure.member_name))
     summary: dict[str, Any] = {}
-    for kind, rows in (("cable", ~structure.is_bar), ("bar", structure.is_bar)):
+    bars = structure.is_bar & ~structure.is_edge if isinstance(structure, Structure) else structure.is_bar
+    for kind, rows in (("cable", ~structure.is_bar), ("bar", bars)):
         finite = tension[:, rows][np.isfinite(tension[:, rows])]
         summary[f"{kind}_tension"] = [finite.min(), finite.max()] if finite.size else None
     slack = (tension <= 0).any(axis=0) & structure.tension_only
@@ -250,7 +253,7 @@ def _list_exceeded(
 ) -> tuple[Exceeded, ...]:
     """Return the limits of which more than all is used, of each member in its worst state."""
     exceeded = []
-    for limit, fraction in use.items():
+    for limit, fraction in use.items() if names else ():
         states = np.nan_to_num(fraction.reshape(-1, len(names)), nan=-np.inf, posinf=np.inf)
         worst = states.argmax(axis=0) if len(states) else np.zeros(len(names), dtype=np.int64)
         for e in np.flatnonzero((states > 1 + ROUNDING).any(axis=0)).tolist():

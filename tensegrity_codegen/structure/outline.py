@@ -1,5 +1,6 @@
 """A body system as nodes and members, for tables and pictures; distances between bars in closed form."""
 
+from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
@@ -8,9 +9,10 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.bodies import Bar, BodySystem, FixedBody, RigidBody
 from tensegrity_codegen.structure.kinematics import compute_node_position
-from tensegrity_codegen.structure.limits import Limits
+from tensegrity_codegen.structure.limits import MEMBER_LIMITS, Limits
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.tables.body_places import CORNERS, EDGES
 
 MAX_CORNERS = 4  # of a rigid body whose points are joined pair by pair; more are joined in a ring
 
@@ -45,6 +47,32 @@ def outline_tendons(subject: Structure | BodySystem) -> Structure:
         law_parameter=dict(subject.law_parameter),
         groups=subject.groups,
         limits=subject.limits,
+    )
+
+
+NODE_FIELDS = ("node_name", "node_position", "node_velocity", "node_mass", "node_anchored", "node_load")
+MEMBER_FIELDS = (
+    *("member_name", "member_class", "connectivity", "is_bar", "tension_only", "rest_length", "damping"),
+    *("spring_constant", "axial_stiffness", "member_mass", "radius", "inner_radius", "thermal_expansion"),
+    "ring_nodes",
+)
+
+
+def hide_bodies(structure: Structure) -> Structure:
+    """Return a structure without corners and edges of bodies, its last nodes and members, for texts."""
+    if not structure.bodies:
+        return structure
+    n_nodes = structure.n_nodes - CORNERS * len(structure.bodies)
+    n_members = structure.n_members - EDGES * len(structure.bodies)
+    shown = {name: getattr(structure, name)[:n_nodes] for name in NODE_FIELDS}
+    members = {name: getattr(structure, name) for name in MEMBER_FIELDS}
+    shown |= {name: values if values is None else values[:n_members] for name, values in members.items()}
+    limits = {name: getattr(structure.limits, name)[:n_members] for name in MEMBER_LIMITS}
+    return structure.with_changes(
+        **shown,
+        law_parameter={name: values[:n_members] for name, values in structure.law_parameter.items()},
+        limits=replace(structure.limits, **limits),
+        bodies=(),
     )
 
 

@@ -26,7 +26,7 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.system.pickling import reduce_fields
 from tensegrity_codegen.system.summaries import Fact, Summarised, count_names, describe_range
-from tensegrity_codegen.tables.body_places import BodyPlace, join_bodies
+from tensegrity_codegen.tables.body_places import BodyPlace, join_bodies, label_nodes
 from tensegrity_codegen.tables.strands import Strands, list_strands
 
 
@@ -118,6 +118,8 @@ class Structure(WithMemberLaws, Summarised):
         Whether members of 50 m and more are meant.
     bodies : tuple of FreeBody
         Rigid bodies, whose corners and points are nodes, and whose edges are rigid bars.
+    notes : tuple of str
+        What was changed in the numbers of the scene, for warnings.
 
     Notes
     -----
@@ -166,6 +168,7 @@ class Structure(WithMemberLaws, Summarised):
     sliding: tuple[SlidingCable, ...] = ()  # cables with friction at rings
     is_large: bool = False  # members of 50 m and more are meant
     bodies: tuple[FreeBody, ...] = ()  # whose corners and points are nodes, and whose edges are rigid bars
+    notes: tuple[str, ...] = ()  # what was changed in the numbers of the scene, for warnings
 
     def headline(self) -> str:
         """Return the name of the scene."""
@@ -175,13 +178,20 @@ class Structure(WithMemberLaws, Summarised):
         """Return numbers and names, for `repr` and notebooks."""
         held = [name for name, axes in zip(self.node_name, self.node_anchored, strict=True) if axes.any()]
         size = np.ptp(self.node_position, axis=0) if self.n_nodes else np.zeros(3)
-        bars = int(self.is_bar.sum())
+        inside, bars = int(self.is_edge.sum()), int((self.is_bar & ~self.is_edge).sum())
+        n_members = self.n_members - inside
+        n_nodes = self.n_nodes - sum(len(body.corner) for body in self.bodies)
+        named = [("bodies", count_names([body.name for body in self.bodies]))] if self.bodies else []
         mass = float(self.node_mass.sum() + self.member_mass.sum())
         return [
-            ("nodes", f"{count_names(self.node_name)}, anchored: {count_names(held)}"),
-            ("members", f"{bars} bars and {self.n_members - bars} cables: {count_names(self.member_name)}"),
+            ("nodes", f"{count_names(self.node_name[:n_nodes])}, anchored: {count_names(held)}"),
+            (
+                "members",
+                f"{bars} bars and {n_members - bars} cables: {count_names(self.member_name[:n_members])}",
+            ),
+            *named,
             ("size", " x ".join(f"{side:.4g}" for side in size) + f" m, mass {mass:.6g} kg"),
-            ("tension", describe_range(self.static_tension(), "N")),
+            ("tension", describe_range(self.static_tension()[:n_members], "N")),
             ("inputs", count_names([entry.name for entry in self.inputs])),
             ("gravity", f"{self.gravity.tolist()} m/s2"),
         ]
@@ -261,6 +271,11 @@ class Structure(WithMemberLaws, Summarised):
             body[self.connectivity[:, 0]] == body[self.connectivity[:, 1]]
         )
         return found
+
+    @property
+    def node_label(self) -> tuple[str, ...]:
+        """Names of nodes for texts: corners of bodies go by the names of these."""
+        return label_nodes(self.node_name, self.body_places)
 
     @property
     def has_coordinate(self) -> NDArray[np.bool_]:

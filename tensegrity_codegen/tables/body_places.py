@@ -4,8 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
+
+CORNERS, EDGES = 4, 6  # of a body: the last nodes of a structure, body by body, and its last members
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,19 @@ class BodyPlace:
     def frame(self, vectors: FloatArray) -> FloatArray:
         """Return the combinations of corners for the unit vectors, as columns (..., 3, 3)."""
         return np.swapaxes(np.array(self.axes) @ vectors[..., list(self.corner), :], -1, -2)
+
+
+def label_nodes(names: Sequence[str], bodies: Sequence[BodyPlace]) -> tuple[str, ...]:
+    """Return the names of nodes for texts: a corner goes by the name of its body."""
+    body = {node: entry.name for entry in bodies for node in entry.corner}
+    return tuple(body.get(node, name) for node, name in enumerate(names))
+
+
+def find_shown(count: int, bodies: Sequence[BodyPlace]) -> NDArray[np.bool_]:
+    """Return which of `count` nodes texts show, (n_nodes,): corners only of bodies without points."""
+    shown = np.ones(count, dtype=np.bool_)
+    shown[[node for body in bodies if body.point for node in body.corner]] = False
+    return shown
 
 
 def list_node_motions(place: IntArray, bodies: Sequence[BodyPlace]) -> tuple[IntArray, IntArray, FloatArray]:

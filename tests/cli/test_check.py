@@ -1,12 +1,15 @@
 import json
+import math
 import re
 from pathlib import Path
 
 import pytest
 
+from tensegrity_codegen.scene.write import write_scene
 from tensegrity_codegen.structure.ground_support import MAX_CONTACTS
 from tests.cli.conftest import Run, write_example
 from tests.cli.scenes import GOOD, HANGING, write
+from tests.rigid_scenes import HANGING as RODS
 
 
 def test_it_says_what_a_scene_holds(run: Run, prism: Path) -> None:
@@ -174,3 +177,34 @@ def test_bodies_have_actuators_and_limits_too(run: Run, folder: Path) -> None:
     data = run("check", path, "--json").data
     assert data["limits"] == {"most_tension": 1e9}
     assert all("." in point for point in data["sensors"][0]["points"])
+
+
+def test_rigid_bodies_are_described(run: Run, folder: Path) -> None:
+    ground = {"stiffness": 1e4, "contacts": ["rod.foot"], "offset": 0.4}
+    write_scene({**RODS, "ground": ground}, folder / "rods.toml", overwrite=False)
+    text, data = run.good("check", "rods.toml").out, run("check", "rods.toml", "--json").data
+    assert "2 bodies, 4 nodes, 0 bars, 2 cables, 12 free coordinates" in text
+    assert (data["n_bodies"], data["n_nodes"], data["n_bars"], data["n_cables"]) == (2, 4, 0, 2)
+    assert data["bar_tension"] is None
+    rod, block = data["bodies"]
+    assert (rod["name"], rod["mass"], block["mass"]) == ("rod", pytest.approx(0.4), 0.5)
+    # A cylinder and a ball about their common centre, which is 0.05 m above the middle.
+    ball = 0.4 * 0.1 * 0.03**2
+    along = 0.3 * 0.01**2 / 2 + ball
+    across = 0.3 * (3 * 0.01**2 + 0.4**2) / 12 + 0.3 * 0.05**2 + ball + 0.1 * 0.15**2
+    assert rod["principal_inertia"] == pytest.approx([along, across, across])
+    # The foot, 0.2 m down the axis and turned by 30 degrees, is a ball of 0.01 m.
+    assert rod["height"] == pytest.approx(0.6 - 0.2 * math.cos(math.pi / 6) - 0.01 - 0.4)
+    lightest = 1 / (1 / 0.4 + 0.25**2 / across)
+    assert rod["contact_frequency"] == pytest.approx(math.sqrt(1e4 / lightest) / (2 * math.pi))
+    assert block["height"] is None
+    assert "rod_foot is 0.0168 m above the ground" in text
+    ground["offset"] = 0.42
+    write_scene({**RODS, "ground": ground}, folder / "deep.toml", overwrite=False)
+    assert "rod_foot touches the ground, 0.00321 m deep" in run.good("check", "deep.toml").out
+
+
+def test_a_body_alone_is_checked(run: Run, folder: Path) -> None:
+    stone = {"kind": "rigid", "mass": 1.0, "inertia": [0.1, 0.1, 0.1], "position": [0, 0, 1]}
+    write_scene({"name": "stone", "bodies": {"stone": stone}}, folder / "stone.toml", overwrite=False)
+    assert "stone: no mistake found; 1 body, 0 nodes, 0 bars, 0 cables" in run.good("check", "stone.toml").out

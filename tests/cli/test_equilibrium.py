@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.pipeline.compile_scene import load_scene
+from tensegrity_codegen.scene.write import write_scene
 from tests.cases import thorough
 from tests.cli.conftest import Run, write_example
 from tests.cli.scenes import HANGING, TRUSS_REST, write, write_truss
 from tests.reference import ReferenceModel
+from tests.rigid_scenes import HANGING as RODS
 
 # A bar of 2 kg hangs on a spring: half of its weight acts on each end.
 BAR_ON_SPRING = """\
@@ -352,3 +354,16 @@ force = [-100]
     data = run("equilibrium", path, "--json").data
     assert data["status"] == "converged"
     assert [item["limit"] for item in data["limits"]["doubtful"]] == ["buckling"] * beyond
+
+
+def test_bodies_hang_with_their_centres_below_what_holds_them(run: Run, folder: Path) -> None:
+    write_scene(RODS, folder / "rods.toml", overwrite=False)
+    ended, data = run.good("equilibrium", "rods.toml"), run("equilibrium", "rods.toml", "--json").data
+    assert "corner" not in ended.out + ended.err
+    assert "edge" not in ended.out
+    assert "bars" not in ended.out
+    assert data["displaced_node"] in ("rod_top", "rod_foot", "block_eye")
+    centre, axes = np.array(data["body_position"]["block"]), np.array(data["body_axes"]["block"])
+    eye = np.array(data["node_position"]["block_eye"])
+    np.testing.assert_allclose(centre, eye - [0, 0, math.hypot(0.01, 0.03)], atol=1e-9)
+    np.testing.assert_allclose(eye - centre, axes @ [0, -0.01, 0.03], atol=1e-12)

@@ -3,15 +3,19 @@
 import numpy as np
 import pytest
 
+from tensegrity_codegen.scene.assemble.assemble import assemble
+from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.structure.kinematics import compute_node_position
 from tensegrity_codegen.structure.outline import (
     compute_bar_distance,
     compute_segment_distance,
+    hide_bodies,
     outline_bodies,
     outline_tendons,
 )
 from tests.body_scenes import EVERYTHING, assemble_document, example
 from tests.models import load
+from tests.rigid_scenes import HANGING
 from tests.runtime.build import prism
 from tests.scene.samples import build
 from tests.segments import exact_distance
@@ -91,3 +95,13 @@ def test_bars_that_are_bodies_as_in_the_generated_code() -> None:
     pairs, distance = compute_bar_distance(system)
     assert pairs == model.manifest.bar_pair
     np.testing.assert_allclose(distance, model.compute("bar_distance"), atol=1e-13)
+
+
+def test_texts_have_neither_corners_nor_edges_of_bodies() -> None:
+    structure, _ = assemble(parse_scene({**HANGING, "limits": {"most_tension": 50.0}}))
+    shown = hide_bodies(structure)
+    assert shown.node_name == ("hook", "rod_top", "rod_foot", "block_eye")
+    assert shown.member_name == ("line", "tie")
+    np.testing.assert_array_equal(shown.connectivity, structure.connectivity[:2])
+    np.testing.assert_array_equal(shown.limits.most_tension, [50.0, 50.0])
+    assert structure.node_label[4:] == ("rod",) * 4 + ("block",) * 4

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.tables.request import ModelRequest
 
 
+MAX_BODIES = 12  # in the text
 CONTROL: dict[str, Any] = {"actuators": [], "sensors": [], "limits": {}}
 
 
@@ -29,8 +30,10 @@ def check(scene: SceneArgument, json: JsonOption = False) -> None:
         from tensegrity_codegen.pipeline.compile_scene import load_scene
         from tensegrity_codegen.scene.checks.plausible_sizes import warn_of_imbalance
         from tensegrity_codegen.scene.checks.scene_warnings import find_scene_warnings
+        from tensegrity_codegen.structure.outline import outline_tendons
         from tensegrity_codegen.structure.structure import Structure
         from tensegrity_codegen.system.summaries import describe_count
+        from tensegrity_codegen.tables.body_places import CORNERS, EDGES
 
         structure, request = load_scene(scene)
         warnings = find_scene_warnings(structure)
@@ -40,10 +43,13 @@ def check(scene: SceneArgument, json: JsonOption = False) -> None:
         for warning in warnings:
             output.warn(warning)
         n_bars, n_cables = _count_bars(structure)
+        bodies = _describe_bodies(structure) if isinstance(structure, Structure) else []
+        n_nodes = outline_tendons(structure).n_nodes - CORNERS * len(bodies)
         data = {
             "status": "ok",
             "name": structure.name,
-            "n_nodes": structure.n_nodes,
+            "n_nodes": n_nodes,
+            "n_bodies": len(structure.bodies),
             "n_bars": n_bars,
             "n_cables": n_cables,
             "n_coordinates": structure.n_coordinates,
@@ -59,18 +65,21 @@ def check(scene: SceneArgument, json: JsonOption = False) -> None:
             "inputs": [source.name for source in structure.inputs],
             **_describe_control(structure),
             **_describe_start(structure),
+            "bodies": bodies,
             "ground": _describe_ground(structure),
             "warnings": warnings,
             "hints": _list_hints(structure, request),
         }
-        counts = {"node": structure.n_nodes, "bar": n_bars, "cable": n_cables}
-        counts |= {"free coordinate": structure.n_coordinates}
+        counts = {"node": n_nodes, "bar": n_bars, "cable": n_cables}
+        counts |= {"free coordinate": structure.n_coordinates - EDGES * len(bodies)}  # a body has six
+        named = [describe_count(len(bodies), "body", "bodies")] if bodies else []
         finding = describe_count(len(warnings), "probable mistake") if warnings else "no mistake found"
-        counted = ", ".join(describe_count(count, kind) for kind, count in counts.items())
+        counted = ", ".join([*named, *(describe_count(count, kind) for kind, count in counts.items())])
         output.result(
             data,
             f"{structure.name}: {finding}; {counted}",
             *_summarise_start(data),
+            *_summarise_bodies(bodies),
             f"requested: {', '.join(request.quantities)}",
             *_summarise_control(structure),
             *_summarise_ground(data["ground"]),
@@ -94,14 +103,19 @@ def _describe_start(subject: "Structure | BodySystem") -> dict[str, Any]:
 
     from tensegrity_codegen.runtime.analysis.rank import count_freedom
     from tensegrity_codegen.structure.member_limits import summarise_tensions
-    from tensegrity_codegen.structure.outline import outline_tendons
+    from tensegrity_codegen.structure.outline import hide_bodies, outline_tendons
     from tensegrity_codegen.structure.structure import Structure
+    from tensegrity_codegen.tables.body_places import place_bodies
 
     structure = outline_tendons(subject)
+    position = hide_bodies(structure).node_position
+    bare = [body for body in structure.body_places if not body.point]
+    if bare:
+        position = np.concatenate([position, place_bodies(bare, structure.node_position)[0]])
     freedom = count_freedom(subject) if isinstance(subject, Structure) else None
     mass = subject.node_mass.sum() + subject.member_mass.sum() if isinstance(subject, Structure) else None
     return {
-        "size": np.ptp(structure.node_position, axis=0),
+        "size": np.ptp(position, axis=0),
         "mass": mass,
         **summarise_tensions(structure, np.where(structure.is_rigid, np.nan, structure.static_tension())),
         **{
@@ -166,6 +180,50 @@ def _describe_ground(subject: "Structure | BodySystem") -> dict[str, Any] | None
     }  # fmt: skip
 
 
+def _describe_bodies(structure: "Structure") -> list[dict[str, Any]]:
+    """Return of each rigid body mass, principal inertia, and of its balls on a ground height and frequency.
+
+    height [m]: of the lowest ball above the ground, negative below; frequency [Hz]: of the lightest contact.
+    """
+    import numpy as np
+
+    from tensegrity_codegen.structure.contact_estimates import compute_gap, estimate_contacts
+
+    ground, rows = structure.ground, []
+    at_rest = None if ground is None else estimate_contacts(structure, ground)
+    for body in structure.bodies:
+        facts: dict[str, Any] = {"name": body.name, "mass": body.mass}
+        facts["principal_inertia"] = np.linalg.eigvalsh(body.inertia)
+        facts |= dict.fromkeys(("lowest", "height", "contact_frequency"))
+        balls = [] if ground is None else np.flatnonzero(np.isin(ground.node, body.point)).tolist()
+        if ground is not None and at_rest is not None and balls:
+            gap, lightest = compute_gap(structure, ground), float(at_rest.mass[balls].min())
+            lowest = min(balls, key=lambda k: float(gap[k]))
+            facts |= {"lowest": structure.node_name[ground.node[lowest]], "height": gap[lowest]}
+            facts["contact_frequency"] = np.sqrt(at_rest.stiffness / lightest) / (2 * np.pi)
+        rows.append(facts)
+    return rows
+
+
+def _summarise_bodies(bodies: list[dict[str, Any]]) -> list[str]:
+    """Return a line on each of the first bodies."""
+    lines = []
+    for facts in bodies[:MAX_BODIES]:
+        inertia = ", ".join(f"{value:.4g}" for value in facts["principal_inertia"])
+        line = f"body {facts['name']}: mass {facts['mass']:.6g} kg, principal inertia {inertia} kg m2"
+        if facts["lowest"] is not None:
+            height = facts["height"]
+            at = (
+                f"is {height:.3g} m above the ground"
+                if height > 0
+                else f"touches the ground, {-height:.3g} m deep"
+            )
+            line += f"; {facts['lowest']} {at}, contact frequency {facts['contact_frequency']:.4g} Hz"
+        lines.append(line)
+    rest = len(bodies) - MAX_BODIES
+    return [*lines, f"and {rest} more bodies, see --json"] if rest > 0 else lines
+
+
 def _summarise_ground(ground: dict[str, Any] | None) -> list[str]:
     """Return a line on the ground, none without one."""
     from tensegrity_codegen.system.summaries import describe_count
@@ -195,8 +253,7 @@ def _count_bars(subject: "Structure | BodySystem") -> tuple[int, int]:
 
     if isinstance(subject, BodySystem):
         return sum(isinstance(body, Bar) for body in subject.bodies), subject.n_members
-    n_bars = int(subject.is_bar.sum())
-    return n_bars, subject.n_members - n_bars
+    return int((subject.is_bar & ~subject.is_edge).sum()), int((~subject.is_bar).sum())
 
 
 VERB = Verb(check, order=20)

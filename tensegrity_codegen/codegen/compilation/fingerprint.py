@@ -22,7 +22,7 @@ ONLY_IF_ANY = (
 )
 # Fields of a structure that no library depends on; expansion is in its inputs, and so are actuators, but for
 # their lag.
-NOT_IN_CODE = ("actuators", "sensors", "limits", "thermal_expansion", "is_large")
+NOT_IN_CODE = ("actuators", "sensors", "limits", "thermal_expansion", "is_large", "notes")
 PLAIN_TYPES = frozenset({bool, int, str})
 
 

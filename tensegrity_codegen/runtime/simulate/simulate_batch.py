@@ -311,4 +311,5 @@ def _join_motions(
         member_name=manifest.member_name,
         structure=model.structure,
         internal_name=manifest.internal_name,
+        bodies=manifest.body_places,
     )

@@ -45,6 +45,7 @@ from tensegrity_codegen.system.errors import (
     check_choice,
 )
 from tensegrity_codegen.system.progress import SETTLING, work_pass
+from tensegrity_codegen.tables.body_places import find_shown, label_nodes
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.manifest import SLID_END
 from tensegrity_codegen.tables.precision import PRECISIONS
@@ -380,7 +381,9 @@ def record_outcome(problem: StaticProblem, start: Point, outcome: Outcome, metho
         status = "no_equilibrium"
     position, begun = problem.node_position(point.coordinate), problem.node_position(start.coordinate)
     moved = np.linalg.norm(position - begun, axis=1)
-    farthest = int(moved.argmax())
+    manifest = problem.model.manifest
+    shown = find_shown(len(moved), manifest.body_places)
+    farthest = int(np.where(shown, moved, 0.0).argmax())
     motions = None
     if stability is not None:
         # Far from balance, mechanisms are those without any stiffness.
@@ -388,7 +391,8 @@ def record_outcome(problem: StaticProblem, start: Point, outcome: Outcome, metho
             stability = replace(stability, rounding=stability.rounding - stability.unbalanced)
         motions = find_neutral(problem, point.coordinate, stability)
     change = moved if motions is None else motions.distance(begun, position)
-    node_name = problem.model.manifest.node_name
+    change = np.where(shown, change, 0.0)
+    label = label_nodes(manifest.node_name, manifest.body_places)
     load, input_value = apply_loads(problem.model, problem.arguments), problem.arguments.get("input")
     return Equilibrium(
         status=status,
@@ -405,17 +409,17 @@ def record_outcome(problem: StaticProblem, start: Point, outcome: Outcome, metho
         energy=point.energy,
         energy_change=point.energy - start.energy,
         displacement=float(moved[farthest]),
-        displaced_node=node_name[farthest],
+        displaced_node=label[farthest],
         message=message,
         change=float(change.max()),
-        changed_node=node_name[int(change.argmax())],
+        changed_node=label[int(change.argmax())],
         neutral_motion_names=() if motions is None else motions.names,
         extent=float(np.ptp(begun, axis=0).max()),
         is_start_unstable=_is_unstable(problem, start),
         saddles_left=outcome.saddles_left,
         motions=motions,
-        node_name=node_name,
-        member_name=problem.model.manifest.member_name,
+        node_name=manifest.node_name,
+        member_name=manifest.member_name,
         structure=getattr(problem.model, "structure", None),
         node_load=None if load is None else load[0],
         input=None if input_value is None else np.array(input_value, dtype=np.float64).reshape(-1),

@@ -240,6 +240,7 @@ class _Samples:
             structure=getattr(self.model, "structure", None),
             internal=raw.internal,
             internal_name=manifest.internal_name,
+            bodies=manifest.body_places,
         )
 
     def compute(self, quantity: str) -> FloatArray:

@@ -24,6 +24,11 @@ VARIABLES = {
     "kinetic_energy": ((), "J", "kinetic energy"),
     "total_energy": ((), "J", "total energy"),
 }
+BODY_VARIABLES = {
+    "body_position": (("body", "axis"), "m", "centre of mass"),
+    "body_axes": (("body", "axis", "frame_axis"), "1", "axes of the frame, as columns"),
+    "body_angular_velocity": (("body", "frame_axis"), "rad/s", "angular velocity in the frame"),
+}
 
 
 def list_columns(motion: Any) -> dict[str, NDArray[Any]]:
@@ -50,6 +55,14 @@ def _list_one(motion: Any) -> dict[str, NDArray[Any]]:
                 columns[f"{node}.{prefix}{letter} [{unit}]"] = values[:, k, axis]
     for k, member in enumerate(motion.member_name):
         columns[f"{member}.tension [N]"] = motion.member_tension[:, k]
+    for k, body in enumerate(motion.body_name):
+        for axis, letter in enumerate("xyz"):
+            columns[f"body.{body}.{letter} [m]"] = motion.body_position[:, k, axis]
+        for row, column in np.ndindex(3, 3):
+            columns[f"body.{body}.e{column + 1}{'xyz'[row]}"] = motion.body_axes[:, k, row, column]
+        for axis in range(3):
+            name = f"body.{body}.w{axis + 1} [rad/s]"
+            columns[name] = motion.body_angular_velocity[:, k, axis]
     columns["kinetic_energy [J]"] = motion.kinetic_energy
     columns["total_energy [J]"] = motion.total_energy
     units = list_input_units(motion.structure)
@@ -75,9 +88,10 @@ def build_dataset(motion: Any) -> Any:
     """Return a Trajectory as an xarray.Dataset; a BatchTrajectory has the axis `motion` first."""
     xarray = import_extra("xarray", TABLES)
     sample_axes = ("time",) if motion.node_position.ndim == 3 else (MOTION_COLUMN, "time")
+    variables = VARIABLES | (BODY_VARIABLES if motion.body_name else {})
     data: dict[str, Any] = {
         name: ((*sample_axes, *axes), getattr(motion, name), {"units": unit, "long_name": meaning})
-        for name, (axes, unit, meaning) in VARIABLES.items()
+        for name, (axes, unit, meaning) in variables.items()
     }
     coords: dict[str, Any] = {
         "time": ("time", motion.time, {"units": "s"}),
@@ -85,6 +99,8 @@ def build_dataset(motion: Any) -> Any:
         "member": list(motion.member_name),
         "axis": ["x", "y", "z"],
     }
+    if motion.body_name:
+        coords |= {"body": list(motion.body_name), "frame_axis": ["e1", "e2", "e3"]}
     if len(sample_axes) == 2:
         coords[MOTION_COLUMN] = np.arange(len(motion.node_position))
     values, names = getattr(motion, "input", None), getattr(motion, "input_name", ())

@@ -76,6 +76,7 @@ def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
         input=driven.get("input"),
         node_load=driven.get("node_load"),
         contacts=contacts,
+        bodies=structure.body_places,
         internal=driven.get("internal"),
         internal_name=structure.internal_name if "internal" in driven else (),
         **fields,

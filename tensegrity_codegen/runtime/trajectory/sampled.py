@@ -1,13 +1,19 @@
 """Shared parts of a simulated motion and a batch of them: arrays over samples, and a file of them."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.runtime.trajectory.motion_tables import build_dataset, build_frame, write_motion
+from tensegrity_codegen.runtime.trajectory.motion_tables import (
+    BODY_VARIABLES,
+    build_dataset,
+    build_frame,
+    write_motion,
+)
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.member_limits import MemberFlaws, check_motion, summarise_tensions
 from tensegrity_codegen.structure.structure import Structure
@@ -19,6 +25,13 @@ from tensegrity_codegen.system.summaries import (
     count_names,
     describe_range,
     find_row,
+)
+from tensegrity_codegen.tables.body_places import (
+    CORNERS,
+    EDGES,
+    BodyPlace,
+    compute_spins,
+    place_bodies,
 )
 
 STATE = ("coordinate", "velocity")
@@ -35,7 +48,8 @@ class Sampled(ByName, Summarised):
     (..., n_t, n_nodes, 3); member_tension (..., n_t, n_members) [N]; kinetic_energy, total_energy
     (..., n_t) [J]; status, message: how they went; method: by which they were integrated; node_name,
     member_name; structure: what moves, for pictures and units, None if only a library is known; internal
-    (..., n_t, n_internal) and internal_name: internal states, None if there are none.
+    (..., n_t, n_internal) and internal_name: internal states, None if there are none; bodies: rigid bodies by
+    the nodes that carry them.
     """
 
     time: FloatArray
@@ -54,6 +68,27 @@ class Sampled(ByName, Summarised):
     structure: Structure | BodySystem | None = None
     internal: FloatArray | None = None
     internal_name: tuple[str, ...] = ()
+    bodies: tuple[BodyPlace, ...] = ()
+
+    @property
+    def body_name(self) -> tuple[str, ...]:
+        """Names of the rigid bodies."""
+        return tuple(body.name for body in self.bodies)
+
+    @cached_property
+    def body_position(self) -> FloatArray | None:
+        """Centres of mass, (..., n_t, n_bodies, 3) [m]; None without rigid bodies."""
+        return place_bodies(self.bodies, self.node_position)[0] if self.bodies else None
+
+    @cached_property
+    def body_axes(self) -> FloatArray | None:
+        """Rotation matrices, whose columns are the axes of each frame, (..., n_t, n_bodies, 3, 3)."""
+        return place_bodies(self.bodies, self.node_position)[1] if self.bodies else None
+
+    @cached_property
+    def body_angular_velocity(self) -> FloatArray | None:
+        """Angular velocities in the frame of each body, (..., n_t, n_bodies, 3) [rad/s]."""
+        return compute_spins(self.bodies, self.node_position, self.node_velocity) if self.bodies else None
 
     def velocity_of(self, node: str) -> FloatArray:
         """Return the velocity of a node.
@@ -77,11 +112,15 @@ class Sampled(ByName, Summarised):
 
     def facts(self) -> list[Fact]:
         """Return samples, sizes and ranges, for `repr` and notebooks."""
+        n_bodies = len(self.bodies)
+        n_members = len(self.member_name) - EDGES * n_bodies
+        named = [("bodies", count_names(self.body_name))] if n_bodies else []
         return [
             ("samples", f"{len(self.time)}, t = {describe_range(self.time, 's')}"),
-            ("nodes", count_names(self.node_name)),
-            ("members", count_names(self.member_name)),
-            ("tension", describe_range(self.member_tension, "N")),
+            ("nodes", count_names(self.node_name[: len(self.node_name) - CORNERS * n_bodies])),
+            ("members", count_names(self.member_name[:n_members])),
+            *named,
+            ("tension", describe_range(self.member_tension[..., :n_members], "N")),
             ("kinetic energy", describe_range(self.kinetic_energy, "J")),
             ("method", self.method),
         ]
@@ -89,18 +128,23 @@ class Sampled(ByName, Summarised):
     def extremes(self) -> dict[str, Any]:
         """Return the largest motions and tensions: JSON-ready, over all samples that were reached.
 
-        Returns ``"largest_displacement"`` [m] of a node from the first sample, ``"displaced_node"`` and
-        ``"displaced_time"`` [s]; ``"cable_tension"`` and ``"bar_tension"``, the least and the largest [N];
-        ``"slack_cables"``, slack at some sample; ``"limits"`` that members exceed. Without a structure the
-        first three only.
+        Returns ``"largest_displacement"`` [m] of a node, or of the centre of a body, from the first sample,
+        ``"displaced_node"`` and ``"displaced_time"`` [s]; the least and the largest ``"cable_tension"`` and
+        ``"bar_tension"`` [N]; ``"slack_cables"``, slack at some sample; ``"limits"`` that members
+        exceed. Without a structure the first three only.
         """
+        names, place = self.node_name, self.node_position
+        if self.body_position is not None:  # in place of corners
+            count = len(names) - CORNERS * len(self.bodies)
+            names = (*names[:count], *self.body_name)
+            place = np.concatenate([place[..., :count, :], self.body_position], axis=-2)
         with np.errstate(all="ignore"):  # of motions that blow up
-            moved = np.linalg.norm(self.node_position - self.node_position[..., :1, :, :], axis=-1)
+            moved = np.linalg.norm(place - place[..., :1, :, :], axis=-1)
         moved = np.where(np.isfinite(moved), moved, 0.0)
         *_, sample, node = np.unravel_index(int(moved.argmax()), moved.shape)
         data: dict[str, Any] = {
             "largest_displacement": float(moved.max()),
-            "displaced_node": self.node_name[node],
+            "displaced_node": names[node],
             "displaced_time": float(self.time[sample]),
         }
         if self.structure is not None:
@@ -153,6 +197,8 @@ class Sampled(ByName, Summarised):
         arrays |= {name: np.array(getattr(self, name)) for name in WORDS}
         if self.internal is not None:
             arrays |= {"internal": self.internal, "internal_name": np.array(self.internal_name)}
+        if self.bodies:
+            arrays |= {name: np.array(getattr(self, name)) for name in ("body_name", *BODY_VARIABLES)}
         return arrays
 
     def write(self, path: str | Path, *, overwrite: bool = False) -> None:

@@ -161,9 +161,13 @@ class Trajectory(Sampled):
         Names of these numbers, such as ``"ground.friction"``.
     structure : Structure, BodySystem or None
         What moves, for pictures and units; None in motions of a library that was loaded alone.
+    bodies : tuple of BodyPlace
+        Rigid bodies by the nodes that carry them.
 
     Notes
     -----
+    With rigid bodies `body_name`, `body_position` (n_t, n_bodies, 3) [m], `body_axes` (n_t, n_bodies, 3, 3)
+    with the axes of each frame as columns, `body_angular_velocity` (n_t, n_bodies, 3) [rad/s] in the frame.
     `position`, `velocity_of` and `tension` take the name of a node or member.
     """
 
@@ -309,6 +313,8 @@ class BatchTrajectory(Sampled):
         Internal states, as of a Trajectory.
     internal_name : tuple of str
         Their names.
+    bodies : tuple of BodyPlace
+        Rigid bodies, as of a Trajectory.
     """
 
     energy_drift: FloatArray
@@ -355,6 +361,7 @@ class BatchTrajectory(Sampled):
             structure=self.structure,
             internal=None if self.internal is None else self.internal[k, reached],
             internal_name=self.internal_name,
+            bodies=self.bodies,
             **besides,
         )
 

@@ -93,6 +93,7 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
         sliding=sliding,
         is_large=scene.large,
         bodies=free_bodies,
+        notes=tuple(body.note for body in bodies if body.note),
         **node,
         **member,
     )

@@ -30,7 +30,7 @@ class PlacedBody:
 
     centre: of mass, in the frame (3,) [m]; origin: of the frame in the world (3,) [m]; axes: from the frame
     to the world (3, 3); velocity: of the centre of mass [m/s]; spin: in the frame [rad/s]; point: places by
-    name.
+    name; note: what was changed in its numbers.
     """
 
     name: str
@@ -44,6 +44,7 @@ class PlacedBody:
     point: Mapping[str, FloatArray]
     radius: Mapping[str, float]
     parts: tuple[BodyPart, ...]
+    note: str = ""
 
     def at(self, local: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions [m] and velocities [m/s] of places in the frame, (n, 3) each."""
@@ -198,7 +199,15 @@ def _place(name: str, table: BodyTable, place: str) -> PlacedBody:
         point,
         radius,
         parts,
+        _note(table.quaternion, f"bodies.{name}"),
     )
+
+
+def _note(quaternion: Sequence[float] | None, place: str) -> str:
+    """Return that a quaternion was normalised, if its length is not 1."""
+    length = 1.0 if quaternion is None else float(np.linalg.norm(quaternion))
+    is_unit = abs(length - 1.0) <= UNIT_TOLERANCE
+    return "" if is_unit else f"{place}.quaternion has the length {length:.9g} and was normalised to 1"
 
 
 def _mass(table: RigidPart, parts: Sequence[BodyPart], place: str) -> tuple[float, FloatArray, FloatArray]:
@@ -368,7 +377,11 @@ def _part(part: PartTable, place: str) -> BodyPart:
     if part.kind == "ball":
         size = (part.radius or 0.0,)
     elif part.kind == "box":
-        axes = turn_by_quaternion(part.quaternion) if part.quaternion else axes
+        axes = (
+            turn_by_quaternion(_unit(part.quaternion, "quaternion", place).tolist())
+            if part.quaternion
+            else axes
+        )
     else:
         start, end = np.array(part.from_), np.array(part.to)
         position, axes = (start + end) / 2.0, turn_to(_unit(end - start, "to", place))

@@ -4,6 +4,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from tensegrity_codegen.structure.outline import hide_bodies
 from tensegrity_codegen.structure.pieces import find_pieces
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
@@ -132,11 +133,12 @@ def warn_of_forces(structure: Structure) -> list[str]:
     """Return a sentence for each kind of force that looks wrong, with the first culprit's name."""
     if not structure.n_members:
         return []
+    shown = hide_bodies(structure)
     return [
         *warn_of_upward_gravity(structure.gravity, structure.axes),
         *warn_of_strong_gravity(structure.gravity),
         *warn_of_falling_pieces(structure),
-        *warn_of_unstressed_bars(structure),
+        *warn_of_unstressed_bars(shown),
         *warn_of_jump(structure),
     ]
 
@@ -183,7 +185,7 @@ def warn_of_falling_pieces(structure: Structure) -> list[str]:
         loose = np.flatnonzero(pushed)
         if not loose.size:
             continue
-        start_nodes = [structure.node_name[int(np.argmax(piece == number))] for number in loose[:6]]
+        start_nodes = [structure.node_label[int(np.argmax(piece == number))] for number in loose[:6]]
         names = name_list(start_nodes + [""] * (len(loose) - len(start_nodes)))
         is_all = len(loose) == count
         pieces = describe_count(len(loose), "piece")
@@ -236,7 +238,11 @@ def warn_of_imbalance(structure: Structure) -> list[str]:
     """Return warnings, for `check` only, of nodes that nothing holds or that start far from balance."""
     if not structure.n_members or structure.ground is not None:
         return []
-    force = np.linalg.norm(find_unbalanced(structure), axis=1)
+    unbalanced = find_unbalanced(structure)
+    for body in structure.bodies:  # the resultant in place of forces on its corners
+        unbalanced[body.corner[0]] = unbalanced[list(body.corner)].sum(axis=0)
+        unbalanced[list(body.corner[1:])] = 0.0
+    force = np.linalg.norm(unbalanced, axis=1)
     total = float(structure.lumped_mass.sum() * np.linalg.norm(structure.gravity))
     total += float(np.linalg.norm(structure.node_load, axis=1).sum())
     tension, sentences = structure.static_tension(), []
@@ -258,9 +264,10 @@ def warn_of_imbalance(structure: Structure) -> list[str]:
     if total > 0.0 and force[worst] > IMBALANCE_RATIO * total:
         joins = (structure.connectivity == worst).any(axis=1)
         pulls = [structure.member_name[e] for e in np.flatnonzero(joins & structure.is_bar & (tension > 0))]
+        at = "node" if structure.node_label[worst] == structure.node_name[worst] else "body"
         cause = f"; bars that pull there: {name_list(pulls)} (a bar that pushes has a prestress below 0)"
         sentences.append(
-            f"the start is out of balance by {force[worst]:.4g} N at node {structure.node_name[worst]}, "
+            f"the start is out of balance by {force[worst]:.4g} N at {at} {structure.node_label[worst]}, "
             f"{force[worst] / total:.3g} times all weights and loads{cause if pulls else ''}; `equilibrium` "
             "finds the shape in balance"
         )

@@ -80,7 +80,6 @@ def warn_of_outliers(structure: Structure) -> list[str]:
     for end in (start, stop):
         np.add.at(mass, end, structure.member_mass / 2)
     free = ~structure.node_anchored.all(axis=1) & (mass > 0)
-    free[[node for body in structure.bodies for node in body.corner]] = False  # parts of one mass
     log = np.log(np.where(free, mass, 1.0))
     total, count = np.zeros(len(mass)), np.zeros(len(mass))
     for node, neighbour in ((start, stop), (stop, start)):

@@ -25,7 +25,7 @@ from tensegrity_codegen.scene.checks.plausible_start import (
 )
 from tensegrity_codegen.scene.names import describe_pieces
 from tensegrity_codegen.structure.bodies import BodySystem, FixedBody
-from tensegrity_codegen.structure.outline import compute_bar_distance, outline_tendons
+from tensegrity_codegen.structure.outline import compute_bar_distance, hide_bodies, outline_tendons
 from tensegrity_codegen.structure.pieces import find_pieces
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import BoolArray
@@ -151,10 +151,11 @@ def find_warnings(structure: Structure) -> tuple[str, ...]:
     Doubts: extension above 50 % at the start (wrong units suspected), loads and force inputs that only
     push on anchors, members between anchored nodes, damping of rigid bars, several unconnected pieces;
     sizes and forces (see plausible_sizes), ranges and limits, a structure on its
-    side, and a start without prestress, with bars that cross or buckle (see plausible_start). The structure
-    is taken as sound (see `check_structure`).
+    side, and a start without prestress, with bars that cross or buckle (see plausible_start). Corners and
+    edges of bodies are no nodes and bars there. The structure is taken as sound (see `check_structure`).
     """
     check_instance(structure, Structure, "structure", "a Structure")
+    whole, structure = structure, hide_bodies(structure)
     held = find_fully_anchored(structure.node_anchored, structure.axes)
     between_anchors = np.ones(structure.n_members, dtype=np.bool_)
     np.logical_and.at(between_anchors, structure.strands.member, held[structure.strands.ends].all(axis=1))
@@ -164,16 +165,17 @@ def find_warnings(structure: Structure) -> tuple[str, ...]:
         force.name for force in structure.inputs if force.kind == "force" and held[list(force.targets)].all()
     ]
     sentences = [
-        _strain_warning(structure),
+        *structure.notes,
+        _strain_warning(structure) if structure.n_members else "",
         _sentence(pushed, structure.node_name, "a load on a fully anchored node moves nothing"),
         _sentence(
             between_anchors, structure.member_name, "members between two fully anchored nodes never move"
         ),
         _sentence(damped, structure.member_name, "the damping of rigid bars has no effect"),
         f"force inputs on fully anchored nodes move nothing: {name_list(idle)}" if idle else "",
-        _pieces_warning(structure),
+        _pieces_warning(whole),
         *warn_of_sizes(structure),
-        *warn_of_forces(structure),
+        *warn_of_forces(whole),
         *warn_of_side(structure),
         *warn_of_slack(structure),
         *warn_of_outliers(structure),
@@ -181,7 +183,7 @@ def find_warnings(structure: Structure) -> tuple[str, ...]:
         *warn_of_crossing(structure),
         *warn_of_ranges(structure),
         *warn_of_limits(structure),
-        *warn_of_ground(structure),
+        *warn_of_ground(whole),
         *warn_of_members(structure),
     ]
     return tuple(sentence for sentence in sentences if sentence)
@@ -236,4 +238,4 @@ def _pieces_warning(structure: Structure) -> str:
     if count < 2:
         return ""
     _, start = np.unique(label, return_index=True)
-    return describe_pieces([structure.node_name[node] for node in np.sort(start)])
+    return describe_pieces([structure.node_label[node] for node in np.sort(start)])

@@ -15,6 +15,7 @@ from tensegrity_codegen.scene.describe import describe_structure
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import DuplicateNameError
+from tests.rigid_scenes import HANGING
 
 # A mast on three legs with three stays, all in balance without gravity but for a little.
 MAST: dict[str, Any] = {
@@ -227,3 +228,17 @@ def test_two_members_on_one_pair_of_nodes_keep_their_prestress_in_the_hint() -> 
     with pytest.raises(DuplicateNameError, match="join the same two nodes") as caught:
         build(twice)
     assert "stiffness and prestress are the sums of theirs" in caught.value.hint
+
+
+def test_a_body_out_of_balance_is_named_with_the_resultant_on_it() -> None:
+    members = {**HANGING["members"]}
+    members["line"] = {**members["line"], "rest_length": 0.1}  # of 0.24 m
+    (sentence,) = warn_of_imbalance(build({**HANGING, "members": members}))
+    structure = build(HANGING)
+    unit = np.subtract(structure.node_position[0], structure.node_position[1])
+    length = float(np.linalg.norm(unit))
+    tie = np.subtract(structure.node_position[3], structure.node_position[2])
+    stretch = float(np.linalg.norm(tie))
+    pull = 400 * (length - 0.1) / length * unit + 400 * max(stretch - 0.18, 0) / stretch * tie
+    force = float(np.linalg.norm(pull - 0.4 * np.array([0, 0, 9.81])))
+    assert f"out of balance by {force:.4g} N at body rod, " in sentence

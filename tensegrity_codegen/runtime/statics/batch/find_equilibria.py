@@ -31,6 +31,7 @@ from tensegrity_codegen.runtime.statics.stiff_members import are_stiff, find_spr
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 from tensegrity_codegen.system.checks import check_callback
 from tensegrity_codegen.system.errors import NonFiniteError
+from tensegrity_codegen.tables.body_places import find_shown, label_nodes
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.static_methods import FOUND, Method
 
@@ -126,7 +127,9 @@ def _record(search: BatchSearch, message: list[str], floor: FloatArray, table: E
     )
     good = np.flatnonzero(is_known & ~is_lost)
     at_start = _find_unstable_starts(problem, take(start, good), rows[good], floor[rows[good]])
-    names = np.array(problem.manifest.node_name)
+    bodies = problem.manifest.body_places
+    names = np.array(label_nodes(problem.manifest.node_name, bodies))
+    moved, distance = (np.where(find_shown(len(names), bodies), x, 0.0) for x in (moved, distance))
     texts = {
         "status": status[good].tolist(),
         "message": [message[k] for k in rows[good]],
