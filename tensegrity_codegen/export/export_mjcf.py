@@ -3,7 +3,8 @@
 A node is a body with a slide joint for each axis along which it is free, and a site of its name. A member
 is a spatial tendon, of a cable with a dead band from 0 to its rest length. The own mass m of an elastic bar
 has the kinetic energy m/6 (vi.vi + vi.vj + vj.vj): point masses m/6 at its ends, and for each axis a fixed
-tendon over vi + vj with the armature m/6. A rigid bar is a body with the masses of its ends.
+tendon over vi + vj with the armature m/6. A rigid bar is a body with the masses of its ends, a rigid
+body one with its inertia, parts and points.
 """
 
 from dataclasses import dataclass, field
@@ -14,7 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource
-from tensegrity_codegen.export.rigid_parts import add, find_shared_nodes, number, numbers, write_elements
+from tensegrity_codegen.export.rigid_parts import (
+    RigidPart,
+    add,
+    find_free_bodies,
+    find_rods,
+    find_shared_nodes,
+    number,
+    numbers,
+    write_elements,
+)
 from tensegrity_codegen.structure.collision import require_no_collision
 from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.structure import Structure
@@ -113,12 +123,15 @@ def build_parts(structure: Structure) -> ModelParts:
     _check_rigid(structure)
     carried = np.zeros(structure.n_nodes, dtype=bool)
     carried[structure.connectivity[structure.is_rigid].ravel()] = True
+    carried[structure.is_attached] = True
     tree = build_node_tree(structure, carried)
     model = ModelParts(structure, tree, structure.node_mass.copy(), structure.node_load.copy(), carried)
     add(model.world, "site", name=WORLD_SITE, pos="0 0 0", size="0.001")
     coupled = _spread_masses(model)
     _check_masses(model)
-    for member in np.flatnonzero(structure.is_rigid):
+    for body in find_free_bodies(structure):
+        _add_free_body(model, body)
+    for member in np.flatnonzero(find_rods(structure)):
         _add_rigid_bar(model, int(member))
     for root in tree.children(-1):
         if not carried[root]:
@@ -132,7 +145,7 @@ def build_parts(structure: Structure) -> ModelParts:
 
 def _check_rigid(structure: Structure) -> None:
     """Raise FormulationError for rigid bars that meet, or are held on some axes."""
-    ends = structure.connectivity[structure.is_rigid]
+    ends = structure.connectivity[find_rods(structure)]
     shared = find_shared_nodes(structure)
     if shared:
         raise FormulationError(
@@ -253,6 +266,35 @@ def _add_rigid_bar(parts: ModelParts, member: int) -> None:
         add(body, "inertial", pos=f"0 0 {number(middle)}", mass=number(total), diaginertia=inertia)
     for node, distance in zip(ends, along, strict=True):
         add(body, "site", name=structure.node_name[node], pos=f"0 0 {number(distance)}", size="0.001")
+
+
+def _add_free_body(parts: ModelParts, part: RigidPart) -> None:
+    """Add a rigid body with its frame, its inertia, its parts as pictures, and sites at its points."""
+    quaternion = _find_quaternion(part.rotation)
+    body = add(parts.world, "body", name=part.name, pos=numbers(part.origin), quat=numbers(quaternion))
+    add(body, "freejoint", name=f"{part.name}.joint")
+    inertia = part.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    entries = {"mass": number(part.mass), "fullinertia": numbers(inertia)}
+    add(body, "inertial", pos=numbers(part.centre), **entries)
+    for shape in part.shapes:
+        half = np.array(shape.size[:1] if shape.kind == "tube" else shape.size)
+        half = np.append(half, shape.size[-1]) if shape.kind == "tube" else half
+        half[(0 if shape.kind == "box" else 1) :] /= 2.0
+        kind = {"ball": "sphere", "tube": "cylinder"}.get(shape.kind, shape.kind)
+        pose = {"pos": numbers(shape.position), "quat": numbers(_find_quaternion(shape.axes))}
+        picture = {"mass": "0", "contype": "0", "conaffinity": "0"}
+        add(body, "geom", type=kind, size=numbers(half), **pose, **picture)
+    for name, place in part.points.items():
+        add(body, "site", name=name, pos=numbers(place), size="0.001")
+    parts.qpos += [*part.origin.tolist(), *quaternion.tolist()]
+    parts.qvel += [*part.velocity.tolist(), *part.spin.tolist()]
+
+
+def _find_quaternion(rotation: FloatArray) -> FloatArray:
+    """Return the unit quaternion (w, x, y, z) of a rotation."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_matrix(rotation).as_quat())[[3, 0, 1, 2]]
 
 
 def _add_tendon(parts: ModelParts, member: int) -> None:
@@ -415,6 +457,10 @@ def _list_losses(structure: Structure) -> list[str]:
         (
             structure.node_mass[fixed].any() or structure.node_load[fixed].any(),
             "masses and loads of anchored nodes are not in the file",
+        ),
+        (
+            any(part.kind == "tube" for body in structure.bodies for part in body.parts),
+            "tubes are drawn as cylinders",
         ),
         (len(structure.axes) < 3, "axes that are not modelled are held, as those of anchored nodes"),
         ((loose & (structure.damping > 0)).any(), "cables keep their damping while slack"),

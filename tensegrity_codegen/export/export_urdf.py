@@ -17,6 +17,7 @@ from tensegrity_codegen.export.rigid_parts import (
     write_elements,
 )
 from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.structure.free_bodies import BodyPart
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 
@@ -50,6 +51,8 @@ def _add_part(root: Element, part: RigidPart, origin: FloatArray, rotation: Floa
         add(visual, "origin", xyz=f"0 0 {number((low + high) / 2)}", rpy="0 0 0")
         size = {"length": number(high - low), "radius": number(radius or THIN * (high - low))}
         add(add(visual, "geometry"), "cylinder", **size)
+    for shape in part.shapes:
+        _add_shape(link, shape)
     pose = {
         "xyz": numbers(rotation.T @ (part.origin - origin)),
         "rpy": numbers(_compute_angles(rotation.T @ part.rotation)),
@@ -70,6 +73,22 @@ def _add_part(root: Element, part: RigidPart, origin: FloatArray, rotation: Floa
             add(joint, "axis", xyz=axis)
     for name, position in part.points.items():
         _add_frame(root, part.name, name, position)
+
+
+def _add_shape(link: Element, shape: BodyPart) -> None:
+    """Add the picture of a part of a body; a capsule as a cylinder with two balls."""
+    kind, size = {"ball": "sphere", "box": "box"}.get(shape.kind, "cylinder"), shape.size
+    geometry = {"radius": number(size[0])}
+    if kind == "box":
+        geometry = {"size": numbers(size)}
+    elif kind == "cylinder":
+        geometry["length"] = number(size[-1])
+    ends = [-size[-1] / 2, size[-1] / 2] if shape.kind == "capsule" else []
+    balls = [("sphere", {"radius": number(size[0])}, shape.position + z * shape.axes[:, 2]) for z in ends]
+    for name, sizes, place in [(kind, geometry, shape.position), *balls]:
+        visual = add(link, "visual")
+        add(visual, "origin", xyz=numbers(place), rpy=numbers(_compute_angles(shape.axes)))
+        add(add(visual, "geometry"), name, **sizes)
 
 
 def _add_inertial(link: Element, part: RigidPart) -> None:
@@ -106,9 +125,10 @@ def _compute_angles(rotation: FloatArray) -> FloatArray:
 
 def _list_losses(subject: Subject) -> list[str]:
     """Return a sentence for each fact of the structure that the format cannot state."""
-    springs = subject.n_members
+    springs, is_hollow = subject.n_members, False
     if isinstance(subject, Structure):
         springs -= int(subject.is_rigid.sum())
+        is_hollow = any(part.kind == "tube" for body in subject.bodies for part in body.parts)
     facts = [
         (springs > 0, f"the format has no springs: {springs} tendons are not in the file"),
         (subject.ground is not None, "the ground is a property of the simulator, not of the file"),
@@ -116,6 +136,7 @@ def _list_losses(subject: Subject) -> list[str]:
         (bool(subject.node_load.any()), "loads are not in the file"),
         (bool(subject.inputs), "inputs and actuators are not in the file"),
         (bool(subject.sensors) or subject.limits.is_stated, "sensors and limits are not in the file"),
+        (is_hollow, "tubes are drawn as cylinders"),
         (True, "velocities are not in the file"),
     ]
     return [sentence for is_lost, sentence in facts if is_lost]

@@ -9,10 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.structure.bodies import Bar, BodySystem, RigidBody
 from tensegrity_codegen.structure.collision import require_no_collision
+from tensegrity_codegen.structure.free_bodies import BodyPart
 from tensegrity_codegen.structure.kinematics import compute_node_position, euler_rotation
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.errors import FormulationError, name_list
+from tensegrity_codegen.tables.body_places import compute_spins, place_bodies
 
 
 def add(above: Element, tag: str, **attributes: str) -> Element:
@@ -56,6 +58,10 @@ class RigidPart:
     points: dict[str, FloatArray] = field(default_factory=dict)  # (3,) [m]: nodes in its frame
     # of a bar: its start and end on its z axis, and its radius [m]; empty for others
     bar: tuple[float, ...] = ()
+    shapes: tuple[BodyPart, ...] = ()  # of a body beside nodes, for pictures
+    # of such a body: velocity of its origin in the world [m/s], and angular velocity in its frame [rad/s]
+    velocity: FloatArray = field(default_factory=lambda: np.zeros(3))
+    spin: FloatArray = field(default_factory=lambda: np.zeros(3))
 
 
 def find_parts(subject: Structure | BodySystem) -> tuple[list[RigidPart], dict[str, FloatArray]]:
@@ -65,9 +71,10 @@ def find_parts(subject: Structure | BodySystem) -> tuple[list[RigidPart], dict[s
     structure = subject
     require_no_collision(structure, "URDF")
     _check(structure)
-    ends = structure.connectivity[structure.is_rigid]
-    rigid_parts = [_build_rod(structure, int(member)) for member in np.flatnonzero(structure.is_rigid)]
-    carried = set(ends.ravel().tolist())
+    rods = find_rods(structure)
+    rigid_parts = find_free_bodies(structure)
+    rigid_parts += [_build_rod(structure, int(member)) for member in np.flatnonzero(rods)]
+    carried = set(structure.connectivity[structure.is_rigid].ravel().tolist()) | set(structure.attached)
     held: NDArray[np.bool_] = np.asarray(structure.node_anchored.all(axis=1))
     fixed: dict[str, FloatArray] = {}
     for node, name in enumerate(structure.node_name):
@@ -112,10 +119,45 @@ def _check(structure: Structure) -> None:
         )
 
 
+def find_rods(structure: Structure) -> BoolArray:
+    """Return the rigid bars that are no edges of bodies, (n_members,)."""
+    rods: BoolArray = structure.is_rigid & ~structure.is_edge
+    return rods
+
+
 def find_shared_nodes(structure: Structure) -> list[str]:
-    """Return the names of nodes at which two or more rigid bars end."""
-    nodes, counts = np.unique(structure.connectivity[structure.is_rigid], return_counts=True)
-    return [structure.node_name[node] for node in nodes[counts > 1]]
+    """Return the names of nodes at which two or more rigid bars end, or a rigid bar on a body."""
+    nodes, counts = np.unique(structure.connectivity[find_rods(structure)], return_counts=True)
+    return [structure.node_name[node] for node in nodes[(counts > 1) | structure.is_attached[nodes]]]
+
+
+def find_free_bodies(structure: Structure) -> list[RigidPart]:
+    """Return the rigid bodies beside nodes, with their own frames, and how they move at the start."""
+    if not structure.bodies:
+        return []
+    at, rate = structure.node_position, structure.node_velocity
+    places = structure.body_places
+    centre, axes = place_bodies(places, at)
+    (speed, _), spin = place_bodies(places, rate), compute_spins(places, at, rate)
+    return [
+        RigidPart(
+            name=body.name if body.name not in structure.node_name else f"{body.name}.body",
+            joint="floating",
+            parent=WORLD,
+            origin=centre[k] - axes[k] @ body.centre,
+            rotation=axes[k],
+            mass=body.mass,
+            centre=body.centre,
+            inertia=body.inertia,
+            points={
+                structure.node_name[n]: place for n, place in zip(body.point, body.point_local, strict=True)
+            },
+            shapes=body.parts,
+            velocity=speed[k] - axes[k] @ np.cross(spin[k], body.centre),
+            spin=spin[k],
+        )
+        for k, body in enumerate(structure.bodies)
+    ]
 
 
 def _build_rod(structure: Structure, member: int) -> RigidPart:

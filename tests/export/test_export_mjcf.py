@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from tensegrity_codegen import compile_scene, load_scene, simulate
 from tensegrity_codegen.export.export_mjcf import build_mjcf
 from tensegrity_codegen.export.exporter import ExportSource, write_export
+from tensegrity_codegen.structure.outline import hide_bodies
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, UnknownNameError
 from tests.cli.conftest import write_example
 from tests.ground_cases import make_prism, make_slope
+from tests.rigid_scenes import HANGING as RODS
 from tests.runtime.integrate.test_ground import rotate
 
 FloatArray = NDArray[np.float64]
@@ -170,6 +172,34 @@ def test_a_scene_of_bodies_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "out.xml").exists()
 
 
+def test_a_rigid_body_is_a_body_with_inertia_parts_and_points() -> None:
+    structure = build({**RODS, "ground": {"stiffness": 1e4, "contacts": ["rod.foot"]}})
+    root, notes = build_mjcf(structure)
+    text = tostring(root, encoding="unicode")
+    assert "corner" not in text
+    assert "edge" not in text
+    block = next(body for body in root.iter("body") if body.get("name") == "block")
+    inertial, geom, site = block.find("inertial"), block.find("geom"), block.find("site")
+    assert inertial is not None
+    assert geom is not None
+    assert site is not None
+    assert inertial.get("fullinertia") == "0.0004 0.0005 0.0006 1e-05 0.0 0.0"
+    assert (inertial.get("mass"), inertial.get("pos")) == ("0.5", "0.0 0.01 0.0")
+    assert (geom.get("type"), geom.get("size"), geom.get("mass")) == ("box", "0.03 0.02 0.025", "0")
+    assert (site.get("name"), site.get("pos")) == ("block_eye", "0.0 0.0 0.03")
+    rod = next(body for body in root.iter("body") if body.get("name") == "rod")
+    assert [geom.get("type") for geom in rod.findall("geom")] == ["cylinder", "sphere", "sphere"]
+    assert [g.get("name") for g in rod.findall("geom")] == [None, None, "rod_foot.foot"]
+    assert not [note for note in notes if "edge" in note or "corner" in note]
+
+
+def test_a_rigid_bar_on_a_body_is_refused() -> None:
+    bar = {"kind": "bar", "nodes": ["rod.foot", "block.eye"]}
+    with pytest.raises(FormulationError, match="share a node") as caught:
+        build_mjcf(build({**RODS, "members": {**RODS["members"], "stick": bar}}))
+    assert "rod_foot" in str(caught.value.given)
+
+
 # --- in MuJoCo -------------------------------------------------------------------------------------
 
 
@@ -178,7 +208,9 @@ def run_mujoco(structure: Structure, step: float, count: int, spacing: float) ->
     mujoco = pytest.importorskip("mujoco", reason="needs the package mujoco")
     model = mujoco.MjModel.from_xml_string(tostring(build_mjcf(structure)[0], encoding="unicode"))
     data = mujoco.MjData(model)
-    sites = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, name) for name in structure.node_name]
+    sites = [
+        mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, name) for name in hide_bodies(structure).node_name
+    ]
     model.opt.timestep = step
     mujoco.mj_resetDataKeyframe(model, data, 0)
     places = []
@@ -281,3 +313,24 @@ def test_mujoco_lets_a_block_fall_stick_and_slip() -> None:
         place = data.site(slope.contact_name[0]).xpos
         assert abs(place @ slope.ground.normal) < 1e-3
         assert 0.3 * far < place @ down < far if angle > 26.6 else 0.0 <= place @ down < far
+
+
+@pytest.mark.peers
+def test_rigid_bodies_move_as_ours() -> None:
+    """Masses and inertias are MuJoCo's too, and motions with a spin agree to the order of its steps."""
+    mujoco = pytest.importorskip("mujoco", reason="needs the package mujoco")
+    model = compile_scene(RODS, for_="simulate", method="rk853")
+    own = simulate(model, t_end=0.5, samples=6, method="rk853", rtol=1e-10)
+    structure = model.structure
+    assert isinstance(structure, Structure)
+    foreign = mujoco.MjModel.from_xml_string(tostring(build_mjcf(structure)[0], encoding="unicode"))
+    for k, body in enumerate(structure.bodies, start=1):
+        assert foreign.body_mass[k] == pytest.approx(body.mass, rel=1e-14)
+        principal = np.linalg.eigvalsh(body.inertia)
+        np.testing.assert_allclose(np.sort(foreign.body_inertia[k]), principal, rtol=1e-9)
+    count = len(own.node_name) - 8  # without corners, which MuJoCo does not know
+    errors = [
+        float(np.abs(run_mujoco(structure, step, 6, 0.1) - own.node_position[:, :count]).max())
+        for step in (5e-4, 1e-4)
+    ]
+    assert errors[1] < min(errors[0] / 3, 5e-7), errors  # cables go slack, which costs order

@@ -15,9 +15,11 @@ from tensegrity_codegen.export.exporter import ExportSource, write_export
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.bodies import Bar, BodySystem, RigidBody
 from tensegrity_codegen.structure.kinematics import compute_node_position
+from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError
 from tests.body_scenes import EVERYTHING, assemble_document, example
 from tests.ground_cases import make_prism
+from tests.rigid_scenes import HANGING as RODS
 
 FloatArray = NDArray[np.float64]
 
@@ -177,6 +179,25 @@ def test_what_links_and_joints_cannot_say_is_refused_with_the_reason(tmp_path: P
     with pytest.raises(FormulationError, match="bars with stiffness"):
         write_export("urdf", ExportSource(path, *load_scene(path)), tmp_path / "prism.urdf")
     assert not (tmp_path / "prism.urdf").exists()
+
+
+def test_a_rigid_body_is_a_link_with_its_inertia_and_points() -> None:
+    structure, _ = load_scene(RODS)
+    assert isinstance(structure, Structure)
+    root, notes = build_urdf(structure)
+    poses = find_poses(root)
+    for body in structure.bodies:
+        mass, centre, inertia = read_inertia(root, body.name)
+        assert mass == pytest.approx(body.mass)
+        np.testing.assert_allclose(centre, body.centre, atol=1e-15)
+        np.testing.assert_allclose(inertia, body.inertia, rtol=1e-14)
+        for node in body.point:
+            place = poses[f"{structure.node_name[node]}.node"][0]
+            np.testing.assert_allclose(place, structure.node_position[node], atol=1e-12)
+    shapes = [[item[0].tag for item in link.iter("geometry")] for link in root.findall("link")]
+    assert [kinds for kinds in shapes if kinds] == [["cylinder", "sphere"], ["box"]]
+    assert any("2 tendons are not in the file" in note for note in notes)
+    assert len(root.findall("link")) == 1 + 2 + 4  # the world, bodies, the hook and three points
 
 
 @pytest.mark.peers
