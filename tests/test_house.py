@@ -218,14 +218,14 @@ def test_the_list_of_verbs_imports_no_package_that_computes() -> None:
 # Lines of Python that a room may have; who needs more changes the number in the same commit, and says why.
 MAX_LINES = {
     "analyses": 5_550,
-    "cli": 5_200,
+    "cli": 5_350,  # bodies in `check`
     "codegen": 11_050,
     "control": 13_650,
-    "export": 3_050,
+    "export": 3_300,  # bodies
     "live": 1_300,
     "pipeline": 3_750,
     "report": 5_450,
-    "runtime": 21_450,
+    "runtime": 21_750,  # bodies in motions and statics
     "scene": 13_450,  # rigid bodies with parts, and their import
     "structure": 3_550,  # rigid bodies
     "studies": 7_900,
