@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.emitter import EmittedModel, Emitter, WantedFunction
 from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.outline import hide_bodies
 from tensegrity_codegen.structure.rigid_bars import find_rigid_bars
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.manifest import LeftOut
@@ -42,7 +43,8 @@ def _all(count: int) -> tuple[int, ...]:
 
 def _with_masses(structure: Structure) -> Structure:
     """Return the structure with a mass on every node, for variants in which more nodes move."""
-    return structure.with_changes(node_mass=np.where(structure.node_mass > 0, structure.node_mass, 1.0))
+    heavy = (structure.node_mass > 0) | structure.is_attached
+    return structure.with_changes(node_mass=np.where(heavy, structure.node_mass, 1.0))
 
 
 def _in_space(structure: Structure, request: ModelRequest) -> Variant:
@@ -72,7 +74,10 @@ def _as_arguments(structure: Structure | BodySystem, request: ModelRequest) -> V
         "axial_stiffness": _springs(structure, request, structure.axial_stiffness),
     }
     if isinstance(structure, Structure):
-        parameters["node_mass"] = tuple(int(n) for n in np.flatnonzero(structure.node_mass))
+        shown = hide_bodies(structure)
+        parameters["rest_length"] = _all(shown.n_members)
+        parameters["node_mass"] = tuple(int(n) for n in np.flatnonzero(shown.node_mass))
+        parameters["body_mass"] = _all(len(structure.bodies))
     return structure, _with_parameter(
         request, **{name: indices for name, indices in parameters.items() if indices}
     )

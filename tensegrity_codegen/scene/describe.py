@@ -162,7 +162,8 @@ def describe_structure(structure: Structure, request: ModelRequest | None = None
     if np.any(structure.gravity):
         document["gravity"] = structure.gravity.tolist()
     if request is not None:
-        document |= describe_request(request, node_name, structure.member_name)
+        names = [body.name for body in structure.bodies]
+        document |= describe_request(request, node_name, structure.member_name, names)
     kinds = {name: _kind(bar) for name, bar in zip(structure.member_class, structure.is_bar, strict=True)}
     document["classes"] = {name: {"kind": kind} for name, kind in kinds.items() if name}
     inside = {node for body in structure.bodies for node in (*body.corner, *body.point)}
@@ -317,7 +318,10 @@ def describe_rest_length_input(item: ActuatedInput | BodyInput, member_name: Seq
 
 
 def describe_request(
-    request: ModelRequest, node_name: Sequence[str], member_name: Sequence[str]
+    request: ModelRequest,
+    node_name: Sequence[str],
+    member_name: Sequence[str],
+    body_name: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Return the sections `model` and `parameters` of a scene document."""
     usual = ModelRequest(())
@@ -331,6 +335,7 @@ def describe_request(
     parameters: dict[str, Any] = {}
     for name, targets in request.parameters.items():
         owners = node_name if name in _NODE_PARAMETERS else member_name
+        owners = body_name if name.startswith("body_") else owners
         if name == "ground":
             parameters[name] = [CHANGEABLE[index] for index in targets]
         elif name == "gravity" or len(targets) == len(owners):

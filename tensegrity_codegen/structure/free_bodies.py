@@ -71,6 +71,12 @@ class FreeBody:
         return place_corners(self.mass, self.inertia)
 
     @property
+    def principal_inertia(self) -> FloatArray:
+        """(3,): principal inertias about the centre of mass, ascending [kg m2]."""
+        low, middle, high = self.tetrahedron[3]
+        return np.array([low + middle, low + high, middle + high])
+
+    @property
     def corner_local(self) -> FloatArray:
         """(4, 3): places of the corners in the frame [m]."""
         axes, corner, _, _ = self.tetrahedron

@@ -56,6 +56,12 @@ class SymbolicArguments:
             name: self._members(name, structure.member_value(name)) for name in LAW_PARAMETERS
         }
         self.node_mass = self._members("node_mass", structure.node_mass)
+        bodies = structure.bodies
+        self.body_mass = self._members("body_mass", [body.mass for body in bodies])
+        self.body_inertia = self._vectors("body_inertia", [body.principal_inertia for body in bodies])
+        for k in parameters.get("body_mass", ()):  # corners have constant shares of the mass
+            for node, mass in zip(bodies[k].corner, bodies[k].tetrahedron[2].tolist(), strict=True):
+                self.node_mass[node] = mass / bodies[k].mass * self.body_mass[k]
         self.node_load = self._vectors("node_load", structure.node_load[:, axes])
         self.gravity = self._gravity(structure.gravity[axes])
         self.ground = self._ground()
@@ -66,7 +72,8 @@ class SymbolicArguments:
             result[node][column[axis]] = self.symbols["coordinate"][index]
         self.position = result
         self.velocity = self._velocities()
-        self.body_frames = [BodyFrame(body, self.position, self.velocity) for body in structure.bodies]
+        about = zip(bodies, self.body_mass, self.body_inertia, strict=True)
+        self.body_frames = [BodyFrame(*body, self.position, self.velocity) for body in about]
         for frame in self.body_frames:
             for node, local in zip(frame.body.point, frame.body.point_local, strict=True):
                 self.position[node], self.velocity[node] = frame.place(local)
@@ -212,6 +219,10 @@ def nominal_value(
     if name == "ground":
         numbers = tuple(CHANGEABLE[k] for k in chosen)
         return np.array([getattr(structure.ground, number) for number in numbers]), numbers
+    if name.startswith("body_"):
+        bodies = [structure.bodies[k] for k in chosen]
+        values = [body.mass if name == "body_mass" else body.principal_inertia for body in bodies]
+        return np.array(values), tuple(body.name for body in bodies)
     of_nodes = name in ("node_mass", "node_load", "anchor_position")
     names = structure.node_name if of_nodes else structure.member_name
     values = getattr(structure, "node_position" if name == "anchor_position" else name)[chosen]

@@ -26,11 +26,24 @@ SMALL = 1e-15  # of the size of a body: a component of a place below it counts a
 
 
 class BodyFrame:
-    """One body at positions and velocities of its corners, as expressions."""
+    """One body at positions and velocities of its corners, as expressions.
 
-    def __init__(self, body: FreeBody, position: list[Vector], velocity: list[Vector]) -> None:
-        self.body = body
-        self.principal, self._corner, _, self._moments = body.tetrahedron
+    mass [kg], inertia: principal ones, ascending [kg m2]: numbers, or symbols where they can change, with the
+    corners where they are.
+    """
+
+    def __init__(
+        self, body: FreeBody, mass: Scalar, inertia: Vector, position: list[Vector], velocity: list[Vector]
+    ) -> None:
+        self.body, self.mass = body, mass
+        self.principal, self._corner, _, _ = body.tetrahedron
+        low, middle, high = inertia  # about the axes of J1, J2, J3
+        self._inertia = [high, middle, low]
+        self._moments = [
+            0.5 * (middle + low - high),
+            0.5 * (low + high - middle),
+            0.5 * (middle + high - low),
+        ]
         self.corners = [position[k] for k in body.corner]
         self.centre, self.axes = self._split(self.corners)
         self.corner_rates = [velocity[k] for k in body.corner]
@@ -75,11 +88,19 @@ class BodyFrame:
     @cached_property
     def spin(self) -> Vector:
         """Angular velocity along the principal axes [rad/s]."""
-        u, w, moments = self.axes, self.axis_rates, self._moments.tolist()
+        u, w, moments = self.axes, self.axis_rates, self._moments
         return [
-            (moments[j] * dot(w[j], u[k]) - moments[k] * dot(w[k], u[j])) * (1.0 / (moments[j] + moments[k]))
-            for j, k in PAIRS
+            (moments[j] * dot(w[j], u[k]) - moments[k] * dot(w[k], u[j])) * (1.0 / self._inertia[i])
+            for i, (j, k) in enumerate(PAIRS)
         ]
+
+    def kinetic_energy(self) -> Scalar:
+        """Return m c'^2 / 2 + sum of J_i u_i'^2 / 2 [J]."""
+        terms = [self.mass * dot(self.centre_rate, self.centre_rate)]
+        terms += [
+            moment * dot(rate, rate) for moment, rate in zip(self._moments, self.axis_rates, strict=True)
+        ]
+        return 0.5 * sum(terms[1:], terms[0])
 
     def angular_velocity(self) -> Vector:
         """Return omega in the body's own frame [rad/s]."""
@@ -104,8 +125,7 @@ class BodyFrame:
 
     def accelerate(self, force: Vector, moment: Vector) -> list[Vector]:
         """Return the accelerations of the corners by a force and a moment about the centre, in the world."""
-        inertia = [float(self._moments[j] + self._moments[k]) for j, k in PAIRS]
-        w, m = self.spin, self.components(moment)
+        inertia, w, m = self._inertia, self.spin, self.components(moment)
         rate = [
             (m[i] - (inertia[k] - inertia[j]) * w[j] * w[k]) * (1.0 / inertia[i])
             for i, (j, k) in enumerate(PAIRS)
@@ -116,7 +136,7 @@ class BodyFrame:
             turn[i][i] = -(square[j] + square[k])
             turn[j][k], turn[k][j] = w[j] * w[k] - rate[i], w[j] * w[k] + rate[i]
         bent = [combine([(row, turn[row][i]) for row in range(3)], self.axes) for i in range(3)]
-        return self._spread([f * (1.0 / self.body.mass) for f in force], bent)
+        return self._spread([f * (1.0 / self.mass) for f in force], bent)
 
     def _spread(self, centre: Vector, axes: list[Vector]) -> list[Vector]:
         """Return the vectors of the corners that `_split` takes apart."""
@@ -151,10 +171,10 @@ class BodyFrame:
 
         As changes, which are small: products with constants would round the spin the same way at each step.
         """
-        u, w, moments = self.axes, self.axis_rates, self._moments.tolist()
+        u, w, moments = self.axes, self.axis_rates, self._moments
         change = [[(-dot(a, b), a)] for a, b in zip(u, w, strict=True)]
-        for j, k in PAIRS:
-            bend = (dot(w[j], u[k]) + dot(w[k], u[j])) * (-1.0 / (moments[j] + moments[k]))
+        for i, (j, k) in enumerate(PAIRS):
+            bend = (dot(w[j], u[k]) + dot(w[k], u[j])) * (-1.0 / self._inertia[i])
             change[j].append((moments[k] * bend, u[k]))
             change[k].append((moments[j] * bend, u[j]))
         moved = self._spread(

@@ -315,7 +315,7 @@ class _Weights:
 
     def add_node_position(self, weight: FloatArray) -> None:
         """Add weights of positions (n_t, n_nodes, 3), of anchored nodes too."""
-        self.state[:, : self.n] += weight[:, self.node, self.axis]
+        self.state[:, : self.n] += self._carry(weight)
         anchors = next(
             (argument for argument in self.manifest.arguments if argument.name == "anchor_position"), None
         )
@@ -328,7 +328,15 @@ class _Weights:
 
     def add_node_velocity(self, weight: FloatArray) -> None:
         """Add weights of velocities (n_t, n_nodes, 3)."""
-        self.state[:, self.n : 2 * self.n] += weight[:, self.node, self.axis]
+        self.state[:, self.n : 2 * self.n] += self._carry(weight)
+
+    def _carry(self, weight: FloatArray) -> FloatArray:
+        """Return weights of nodes (n_t, n_nodes, 3) as those of coordinates, (n_t, n_coordinates)."""
+        if self.manifest.body_places:
+            weight = weight.copy()
+            for body in self.manifest.body_places:
+                body.gather(weight)
+        return np.asarray(weight[:, self.node, self.axis])
 
     def add_member_length(self, weight: FloatArray) -> None:
         """Add weights of lengths (n_t, n_members)."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.assemble.members import spread_vectors
 from tensegrity_codegen.scene.checks.check_members import find_fully_anchored
-from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.scene.names import check_known, key_path
 from tensegrity_codegen.scene.schema.model_schema import Parameters
 from tensegrity_codegen.scene.schema.part_schema import ForceInput, RestLengthInput, TemperatureInput
 from tensegrity_codegen.scene.schema.schema_types import Selection
@@ -213,6 +213,18 @@ def build_parameters(
         if not targets_of_key:
             _refuse_empty(targets.where, keys, chosen)
         built[key] = tuple(sorted(targets_of_key))
+    names = [body.name for body in bodies]
+    for key in ("body_mass", "body_inertia"):
+        chosen_bodies: Literal["all"] | tuple[str, ...] | None = getattr(parameters, key)
+        if chosen_bodies is None:
+            continue
+        for name in () if chosen_bodies == "all" else chosen_bodies:
+            problem, allowed = "the body is not defined", "names of rigid bodies beside nodes and members"
+            check_known(name, names, problem, allowed, targets.where, "parameters", key)
+        rows = range(len(names)) if chosen_bodies == "all" else map(names.index, chosen_bodies)
+        built[key] = tuple(sorted(set(rows)))
+        if not built[key]:
+            _refuse_empty(targets.where, ("parameters", key), chosen_bodies)
     return built | ({"gravity": ()} if parameters.gravity else {})
 
 

@@ -134,6 +134,10 @@ class Parameters(Table):
     anchor_position: Selection | None = Field(
         None, description='Positions of anchored nodes [m]: "all" or node names.'
     )
+    body_mass: Selection | None = Field(None, description='Masses of bodies [kg]: "all" or names of bodies.')
+    body_inertia: Selection | None = Field(
+        None, description='Principal inertias of bodies [kg m2], ascending: "all" or names of bodies.'
+    )
     gravity: Literal["all"] | None = Field(None, description='Gravity vector [m/s2]: "all" only.')
     ground: Selection | None = Field(
         None, description=f'Numbers of the ground: "all" or some of {", ".join(CHANGEABLE)}.'

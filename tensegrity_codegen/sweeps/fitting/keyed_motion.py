@@ -350,4 +350,6 @@ class MotionSlopes:
         node, axis = np.array(manifest.coordinate_node_axis, dtype=np.int64).reshape(-1, 2).T
         placed = np.zeros((len(self.motion.time), len(manifest.node_name), 3, self.columns.shape[2]))
         placed[:, node, axis] = self.columns[:, first : first + len(node)]
+        for body in manifest.body_places:
+            body.attach(np.swapaxes(placed, 2, 3).swapaxes(1, 2))  # a view: (n_t, n_keys, n_nodes, 3)
         return placed

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.scene.schema.schema import Scene
+from tensegrity_codegen.structure.outline import hide_bodies
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.sweeps.fitting.optimise import LossGradient, optimise
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
@@ -24,22 +25,31 @@ Step = tuple[Facet, Facet]  # from one facet to the next
 
 
 class Facets:
-    """Triangles of the convex hull; symmetry (n_nodes,): node k takes the place of node symmetry[s][k]."""
+    """Triangles of the convex hull; symmetry (n_nodes,): node k takes the place of node symmetry[s][k].
+
+    With rigid bodies the hull is that of the contacts, and corners and edges of bodies have no symmetry.
+    """
 
     def __init__(self, structure: Structure, winches: list[int]) -> None:
         """winches: members that have one; symmetries leave them among each other."""
-        self.position, self._ends = structure.node_position, structure.connectivity
+        shown = hide_bodies(structure)
+        self.position, self._ends = shown.node_position, shown.connectivity
         self.size = float(np.ptp(self.position, axis=0).max())
-        self.facet = tuple(_sort(row) for row in scipy.spatial.ConvexHull(self.position).simplices)
+        self._hull, self._radius = np.arange(len(self.position)), np.zeros(structure.n_nodes)
+        if structure.bodies and structure.ground is not None:
+            self._hull, self._radius[structure.ground.node] = structure.ground.node, structure.ground.radius
+        hull = scipy.spatial.ConvexHull(self.position[self._hull])
+        self.facet = tuple(_sort(self._hull[row]) for row in hull.simplices)
         self._member = {frozenset(ends): e for e, ends in enumerate(self._ends.tolist())}
         is_wound = np.isin(np.arange(len(self._ends)), winches)
-        self._kind = np.stack([structure.mu, structure.rest_length, structure.tension_only, is_wound], axis=1)
+        self._kind = np.stack([shown.mu, shown.rest_length, shown.tension_only, is_wound], axis=1)
         self.symmetry = tuple(self._find_symmetries())
 
     def find_standing(self, position: FloatArray) -> Facet | None:
         """Return the facet of the three lowest of the nodes (n_nodes, 3), None where it leans on others."""
-        lowest = _sort(position[:, 2].argsort()[:3])
-        is_level = np.ptp(position[list(lowest), 2]) < LEVEL * self.size
+        height = position[:, 2] - self._radius
+        lowest = _sort(self._hull[height[self._hull].argsort()[:3]])
+        is_level = np.ptp(height[list(lowest)]) < LEVEL * self.size
         return lowest if lowest in self.facet and is_level else None
 
     def list_next(self, facet: Facet) -> list[Facet]:

@@ -28,6 +28,7 @@ from tensegrity_codegen.symbolic.node_coordinates import NodeCoordinates
 from tensegrity_codegen.symbolic.quantities import HeldMember, build_member_quantities
 from tensegrity_codegen.symbolic.rigid_bar_check import check_rigid_bars, keeps_scene_lengths
 from tensegrity_codegen.symbolic.rigid_motion import BarConstraints, RigidMotion
+from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
 
 
@@ -113,8 +114,22 @@ class _RigidBar(NodeCoordinates):
         self.q, self.v = (arguments.symbols[name] for name in ("coordinate", "velocity"))
         changed = arguments.parameters.get("node_mass", ())
         self.alone = () if self.is_corrected else find_alone_bodies(structure, bars, changed)
+        self._check_changeable_bodies()
         corners = {node for k in self.alone for node in structure.bodies[k].corner}
         self.solved = [b for b, e in enumerate(bars) if int(structure.connectivity[e, 0]) not in corners]
+
+    def _check_changeable_bodies(self) -> None:
+        """Raise FormulationError for changeable numbers of bodies that other rigid bars hold."""
+        for name in ("body_mass", "body_inertia"):
+            held = [k for k in self.arguments.parameters.get(name, ()) if k not in self.alone]
+            if held:
+                raise FormulationError(
+                    "bodies that rigid bars hold have constant masses and inertias",
+                    where=f"{self.structure.name}: parameters.{name}",
+                    given=self.structure.bodies[held[0]].name,
+                    allowed="bodies at which no rigid bar ends",
+                    hint="give these bars a stiffness",
+                )
 
     def constant_bars(self) -> tuple[str, ...]:
         """Return the names of the bars whose lengths no tension changes."""
@@ -184,6 +199,28 @@ class _RigidBar(NodeCoordinates):
             return stiffness
         return ca.SX(ca.Sparsity.diag(self.map.n_coordinates), ca.SX.zeros(self.map.n_coordinates))
 
+    def mass_matrix(self) -> ca.SX:
+        """Return H; FormulationError where inertias of bodies can change, which corners do not follow."""
+        if "body_inertia" in self.arguments.parameters:
+            raise FormulationError(
+                "masses at corners do not follow inertias of bodies that can change",
+                where=f"{self.structure.name}: parameters.body_inertia",
+                given="mass_matrix",
+                allowed="motions and their derivatives",
+                hint="remove body_inertia from the parameters, or ask for no mass_matrix",
+            )
+        return super().mass_matrix()
+
+    def kinetic_energy(self) -> ca.SX:
+        """Return the kinetic energy [J], of bodies whose inertias can change by their frames."""
+        velocity, energy = list(self.arguments.velocity), ca.SX(0.0)
+        for k in self.arguments.parameters.get("body_inertia", ()):
+            frame = self.arguments.body_frames[k]
+            energy = energy + frame.kinetic_energy()
+            for node in frame.body.corner:
+                velocity[node] = [ca.SX(0.0)] * 3
+        return energy + self.inertia.kinetic_energy(velocity)
+
     # Constraints
 
     @cached_property
@@ -232,7 +269,7 @@ class _RigidBar(NodeCoordinates):
     def _accelerate_body(self, frame: BodyFrame) -> list[Vector]:
         """Return the accelerations of the corners of a body by the forces on its points."""
         body, zero = frame.body, [ca.SX(0.0)] * 3
-        weight = [body.mass * g for g in self.arguments.gravity]
+        weight = [frame.mass * g for g in self.arguments.gravity]
         forces, moments = [weight], [zero]
         for node, local in zip(body.point, body.point_local, strict=True):
             forces.append(self.net_force[node])

@@ -3,7 +3,7 @@
 from tensegrity_codegen.tables.quantities.quantity import Quantity
 
 # Arguments that a scene allows only above zero, or from zero on.
-ABOVE_ZERO = ("rest_length", "spring_constant", "axial_stiffness", "ground")
+ABOVE_ZERO = ("rest_length", "spring_constant", "axial_stiffness", "ground", "body_mass", "body_inertia")
 FROM_ZERO = ("damping", "node_mass")
 GROUND_FROM_ZERO = ("friction", "dissipation")  # of the numbers of "ground"
 
@@ -22,6 +22,11 @@ ARGUMENT_ROWS = (
     Quantity("axial_stiffness", "EA", "N", ("k",), "Axial stiffnesses of the changeable members.", "SCS"),
     Quantity("damping", "c", "N s/m", ("k",), "Damping constants of the changeable members."),
     Quantity("node_mass", "m", "kg", ("k",), "Point masses of the changeable nodes."),
+    Quantity("body_mass", "m", "kg", ("k",), "Masses of the changeable bodies."),
+    Quantity(
+        "body_inertia", "I", "kg m2", ("k", "n_axes"),
+        "Principal inertias of the changeable bodies about their centres, ascending.",
+    ),
     Quantity("node_load", "F", "N", ("k", "n_axes"), "Loads on the changeable nodes, constant in direction."),
     Quantity("anchor_position", "r_a", "m", ("k", "n_axes"), "Positions of the changeable anchored nodes."),
     Quantity("gravity", "g", "m/s2", ("n_axes",), "Gravity vector."),
