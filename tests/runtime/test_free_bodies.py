@@ -54,6 +54,7 @@ def move(name: str, method: str, times: Any, rtol: float = 1e-12) -> tuple[Array
         r, q, _, v, omega, _, _ = zip(*map(reference.split, states), strict=True)
         return tuple(np.array(part) for part in (r, turn(np.array(q)), v, omega))  # type: ignore[return-value]
     mapped, model = compile_case(name)
+    rtol = 1e-9 if method == "radau" else rtol  # whose estimate has a low order: its errors are below 1e-12
     stepping = Stepping(atol=rtol / 100, control="steps", max_steps=10_000_000)
     times = np.array([0.0, *times])
     found = simulate(model, times[-1], samples=times, method=method, rtol=rtol, stepping=stepping)
