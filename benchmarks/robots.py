@@ -27,7 +27,15 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from harness.turns import ROOT, describe_origin, measure_call, replace_figures, table_text, take_turns
+from harness.turns import (
+    ROOT,
+    describe_origin,
+    measure_call,
+    replace_figures,
+    table_text,
+    take_turns,
+    time_in_turns,
+)
 from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.compilation.flags import build_program_command, find_flags
@@ -60,7 +68,7 @@ METHODS = ("rk54", "rk853")
 RTOLS = tuple(10.0 ** (-k / 10) for k in range(30, 90))
 GROUND_RTOLS = (1e-4, 1e-6, 1e-8, 1e-10)
 MUJOCO_COUNTS = tuple(range(400, 500, 5))  # steps of the flight
-MUJOCO_STEPS = (2e-3, 1e-3, 5e-4, 2.5e-4, 1.25e-4, 6.25e-5)
+MUJOCO_STEPS = (2e-3, 5e-4, 1.25e-4, 3.125e-5, 7.8125e-6)
 MUJOCO_INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4")
 FLAGS = {"": "", ", without constraints": '<flag constraint="disable"/>'}
 BEGIN, END = "<!-- figures: benchmarks/robots.py -->", "<!-- end of figures -->"
@@ -134,14 +142,31 @@ def print_tables(found: Mapping[str, Any]) -> Iterator[str]:
         ]  # fmt: skip
         yield table_text(head, rows)
     if "ground" in found:
-        head = ("floor", "time [s]", "program", "setting", "change [m]", "CPU [ms]", "times slower than ours")
-        rows = [
-            (f"{row['slope']:.0f} deg", f"{row['t_end']:.0f}", row["name"], row["setting"],
-             f"{row['error']:.1e}", f"{1e3 * row['seconds']:.2f}",
-             f"{row['ratio']:.0f}" if row["ratio"] else "")
-            for row in found["ground"]
-        ]  # fmt: skip
-        yield table_text(head, rows)
+        yield from print_ground(found["ground"])
+
+
+def print_ground(rows: list[Row]) -> Iterator[str]:
+    """Yield a table of MuJoCo's runs, then one of ours: a row for each floor, time and method."""
+    groups: dict[tuple[float, float, str], list[Row]] = {}
+    for row in rows:
+        groups.setdefault((row["slope"], row["t_end"], row["name"]), []).append(row)
+    for is_ours, words in ((False, "change [m] when halved"), (True, "change [m] from rtol 1e-12")):
+        chosen = {key: group for key, group in groups.items() if key[2].startswith("ours") == is_ours}
+        settings = [row["setting"] for row in next(iter(chosen.values()))]
+        last = ("CPU [ms]",) if is_ours else ("CPU [ms] at the last", "times slower than ours")
+        head = ("floor", "time [s]", f"program, {words}", *settings, *last)
+        yield table_text(head, [list(list_cells(key, group, is_ours)) for key, group in chosen.items()])
+
+
+def list_cells(key: tuple[float, float, str], group: list[Row], is_ours: bool) -> Iterator[str]:
+    """Yield the cells of a row of one method."""
+    slope, t_end, name = key
+    yield from (f"{slope:.0f} deg", f"{t_end:.0f}", name)
+    yield from (f"{row['error']:.1e}" for row in group)
+    times = [f"{1e3 * row['seconds']:.1f}" for row in group]
+    yield ", ".join(times) if is_ours else times[-1]
+    if not is_ours:
+        yield f"{group[-1]['ratio']:.0f}"
 
 
 def make_robot(slope: float | None) -> dict[str, Any]:
@@ -258,31 +283,30 @@ def measure_ground(slope: float, t_end: float, rounds: int) -> list[Row]:
         found = simulate(model, t_end, samples=2, method=method, rtol=rtol, stepping=stepping)
         return np.array(found.node_position[-1, at])
 
-    runs: dict[tuple[str, str], Callable[[], Array]] = {}
-    errors: dict[tuple[str, str], float] = {}
+    rows: list[Row] = []
+    calls: dict[str, Callable[[], Array]] = {}
+
+    def add(name: str, setting: str, call: Callable[[], Array], better: Array) -> None:
+        calls[str(len(rows))] = call
+        error = float(np.abs(call() - better).max())
+        rows.append({"slope": slope, "t_end": t_end, "name": name, "setting": setting, "error": error})
+
     for method in METHODS:
         exact = move(method, 1e-12)
         for rtol in GROUND_RTOLS:
-            key = (f"ours, {method}", f"rtol {rtol:.0e}")
-            runs[key] = partial(move, method, rtol)
-            errors[key] = float(np.abs(runs[key]() - exact).max())
+            add(f"ours, {method}", f"rtol {rtol:.0e}", partial(move, method, rtol), exact)
     for integrator in MUJOCO_INTEGRATORS:
-        places = []
-        for step in (*MUJOCO_STEPS, MUJOCO_STEPS[-1] / 2):
-            run = prepare_mujoco(scene, integrator, t_end, round(t_end / step), "")
-            runs[f"MuJoCo {integrator}", f"{step:.2e} s"] = run
-            places.append(run())
-        for step, coarse, fine in zip(MUJOCO_STEPS, places[:-1], places[1:], strict=True):
-            errors[f"MuJoCo {integrator}", f"{step:.2e} s"] = float(np.abs(coarse - fine).max())
-    clocks = {key: partial(measure_call, runs[key]) for key in errors}
-    seconds = {key: float(np.median(v)) for key, v in take_turns(clocks, max(1, rounds // 3)).items()}  # type: ignore[arg-type, type-var]
-    own = [(errors[key], seconds[key]) for key in errors if key[0].startswith("ours")]
-    rows = []
-    for key, error in errors.items():
-        equal = min((s for e, s in own if e <= error), default=None)
-        ratio = seconds[key] / equal if equal and not key[0].startswith("ours") else None
-        row = {"slope": slope, "t_end": t_end, "name": key[0], "setting": key[1], "error": error}
-        rows.append(row | {"seconds": seconds[key], "ratio": ratio})
+        for step in MUJOCO_STEPS:
+            count = round(t_end / step)
+            call, finer = (prepare_mujoco(scene, integrator, t_end, n, "") for n in (count, 2 * count))
+            add(f"MuJoCo {integrator}", f"{1e3 * step:.3g} ms", call, finer())
+    seconds = time_in_turns(calls, max(1, rounds // 3))
+    for row, found in zip(rows, seconds.values(), strict=True):
+        row["seconds"] = found
+    own = [row for row in rows if row["name"].startswith("ours")]
+    for row in rows:
+        equal = [mine["seconds"] for mine in own if mine["error"] <= row["error"]]
+        row["ratio"] = row["seconds"] / min(equal, default=float("nan"))
     return rows
 
 

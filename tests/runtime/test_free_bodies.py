@@ -231,7 +231,7 @@ def test_frequencies_of_a_robot_on_three_feet(make: Any, least: int) -> None:
     names = linearize_quantities("rigid_bar", with_inputs=False)
     model = simulator(mapped.structure, "rk853", more=names, formulation="rigid_bar")
     state, n = mapped.state(y), mapped.structure.n_coordinates
-    still = {"velocity": np.zeros(n), "arguments": {"internal": state[2 * n :]}}
+    still: dict[str, Any] = {"velocity": np.zeros(n), "arguments": {"internal": state[2 * n :]}}
     found = linearize(model, coordinate=state[:n], **still)
     expected = np.linalg.eigvals(differentiate(reference, y))
     # Oscillations alone: the reference has a zero more for the length of each quaternion.
