@@ -229,7 +229,7 @@ def try_ours(scene: dict[str, Any], exact: Array, folder: Path) -> Iterator[tupl
     (folder / "flight" / "drive.c").write_text(DRIVER, encoding="utf-8")
     command = build_program_command(find_compiler(), find_flags("native"), ("drive.c", "flight.c"), "drive")
     subprocess.run([*command, "-lm"], cwd=folder / "flight", check=True)
-    for name, watch in (("C alone", ()), ("C alone, cables watched", ("watch",))):
+    for name, watch in (("C alone", ()), ("C alone, with events of cables", ("watch",))):
         for rtol in RTOLS:
             words = (str(folder / "flight" / "drive"), repr(FLIGHT_TIME), repr(rtol))
             state = np.array(run_program(*words, "1", *watch)[1:])

@@ -195,7 +195,7 @@ def place_on_circle(k: int, twist: float, height: float) -> list[float]:
     return [0.12 * float(np.cos(angle)), 0.12 * float(np.sin(angle)), height]
 
 
-def make_random(seed: int, *, grounded: bool = True, damping: float = 2.0) -> dict[str, Any]:
+def make_random(seed: int) -> dict[str, Any]:
     """Return bodies in any orientation, with members among points, nodes and an anchor, loads and inputs."""
     rng = np.random.default_rng(seed)
     bodies: dict[str, Any] = {}
@@ -238,7 +238,7 @@ def make_random(seed: int, *, grounded: bool = True, damping: float = 2.0) -> di
             members[f"m{len(members)}"] = {
                 "kind": kind,
                 "nodes": pair,
-                "damping": damping * rng.random(),
+                "damping": 2.0 * rng.random(),
                 **values,
             }
     scene["members"] = members
@@ -250,19 +250,18 @@ def make_random(seed: int, *, grounded: bool = True, damping: float = 2.0) -> di
         {"kind": "rest_length", "name": "wind", "members": ["m0", "m2"]},
         {"kind": "force", "name": "push", "nodes": ["b0.p1"], "direction": [0.0, 0.6, 0.8]},
     ]
-    if grounded:
-        normal = rng.normal(size=3) * 0.3 + [0.0, 0.0, 1.0]
-        normal /= np.linalg.norm(normal)
-        heights = np.sort([position[found.index[name]] @ normal for name in names])
-        law = {
-            "stiffness": 2e3,
-            "stick_stiffness": 2e3,
-            "stick_damping": 20.0,
-            "dissipation": 0.2,
-            "friction": 0.5,
-        }
-        offset = float(heights[len(names) // 2])
-        scene["ground"] = {"contacts": names, "normal": normal, "offset": offset, **law}
+    normal = rng.normal(size=3) * 0.3 + [0.0, 0.0, 1.0]
+    normal /= np.linalg.norm(normal)
+    heights = np.sort([position[found.index[name]] @ normal for name in names])
+    law = {
+        "stiffness": 2e3,
+        "stick_stiffness": 2e3,
+        "stick_damping": 20.0,
+        "dissipation": 0.2,
+        "friction": 0.5,
+    }
+    offset = float(heights[len(names) // 2])
+    scene["ground"] = {"contacts": names, "normal": normal, "offset": offset, **law}
     return dict(_plain(scene))
 
 

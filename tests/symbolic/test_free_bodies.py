@@ -17,8 +17,8 @@ Array = Any  # NumPy arrays, real or complex
 class Case:
     """A random scene at a random state, in both models."""
 
-    def __init__(self, seed: int, **options: Any) -> None:
-        self.mapped = MappedScene(make_random(seed, **options))
+    def __init__(self, seed: int, scene: dict[str, Any] | None = None) -> None:
+        self.mapped = MappedScene(scene or make_random(seed))
         self.found = Evaluated(self.mapped.structure)
         reference, rng = self.mapped.reference, np.random.default_rng(seed + 1000)
         parts = reference.split(reference.start.copy())
@@ -107,3 +107,16 @@ def test_position_axes_angular_velocity_and_energy_of_bodies(seed: int) -> None:
     energy = spin + reference.mass @ (v**2).sum(1) + reference.node_mass @ (xdot**2).sum(1)
     assert case.found("kinetic_energy", **case.arguments) == pytest.approx(energy / 2, rel=1e-13)
     assert len(x) == 1
+
+
+@pytest.mark.parametrize("inertia", [(1e-3, 1.5e-3, 2.5e-3), (1e-3, 1e-3, 1e-8), (1e-3, 1e-3, 1e-3)])
+def test_flat_thin_and_round_bodies_move_as_others(inertia: tuple[float, ...]) -> None:
+    """The corners of a flat body lie in a plane but one without mass, those of a thin one near a line."""
+    scene = make_random(0)
+    for body in scene["bodies"].values():
+        for key in ("parts", "centre_of_mass"):
+            body.pop(key, None)
+        body |= {"mass": 0.5, "inertia": list(inertia)}
+    case = Case(0, scene)
+    found = case.found("state_derivative", **case.arguments)
+    assert differ(found, case.rates(case.y)) < 1e-10
