@@ -80,7 +80,7 @@ def _wanted_by_auto(structure: Structure | None, formulation: str, rtol: float) 
     if structure is None:
         return (_explicit_for(rtol, False),)
     jumps = bool(np.any(structure.tension_only & (structure.damping > 0)))
-    explicit = _explicit_for(rtol, jumps)
+    explicit = _explicit_for(rtol, jumps and not structure.bodies)
     if structure.sliding:
         return (explicit, DAMPED_INTEGRATOR)
     if structure.ground is not None or structure.collision is not None or structure.internal_name:
@@ -205,7 +205,7 @@ def _choose_explicit(model: CompiledModel, names: tuple[str, ...], rtol: float) 
     held = [name for name in EXPLICIT if name in names]
     cables = any("cable" in spec.events for spec in model.manifest.integrators)
     slopes = next((s.arguments for s in model.manifest.functions if s.quantity == "cable_margin"), ())
-    jumps = cables and "velocity" in slopes
+    jumps = cables and "velocity" in slopes and not model.manifest.body_places  # which spin fast
     wanted = _explicit_for(rtol, jumps)
     if not held:
         return Choice("", "")
@@ -221,10 +221,11 @@ def _choose_explicit(model: CompiledModel, names: tuple[str, ...], rtol: float) 
 
 def _tell_rigid(model: CompiledModel) -> str:
     """Return how many rigid bars there are and how many of them meet, nothing where there are none."""
-    bars = model.manifest.rigid_bar
+    ends = dict(zip(model.manifest.member_name, model.manifest.connectivity, strict=True))
+    inside = {node for body in model.manifest.body_places for node in body.corner}
+    bars = [bar for bar in model.manifest.rigid_bar if ends[bar][0] not in inside]
     if not bars:
         return ""
-    ends = dict(zip(model.manifest.member_name, model.manifest.connectivity, strict=True))
     free = set(model.manifest.coordinate_place[:, 0].tolist())
     meeting = Counter(node for bar in bars for node in ends[bar] if node in free)
     most = max(meeting.values(), default=1)
