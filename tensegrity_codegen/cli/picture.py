@@ -175,8 +175,8 @@ def warn_of_balance(output: Output, structure: "Structure") -> None:
     worst, pull = int(force.argmax()), float(np.abs(structure.static_tension()).max(initial=0.0))
     if pull > 0.0 and force[worst] > MAX_UNBALANCED * pull:
         output.warn(
-            f"the stated positions are not in balance: {structure.node_name[worst]} by {force[worst]:.4g} N, "
-            "which no tension or reaction shows; --settle draws the equilibrium"
+            f"the stated positions are not in balance: {structure.node_label[worst]} by {force[worst]:.4g} "
+            "N, which no tension or reaction shows; --settle draws the equilibrium"
         )
 
 
@@ -185,9 +185,9 @@ def describe_left_out(
 ) -> dict[str, Any]:
     """Warn of names that are left out since they are too many; return the key of the JSON that says so."""
     from tensegrity_codegen.report.pictures.marks import choose_names
-    from tensegrity_codegen.structure.outline import outline_bodies
+    from tensegrity_codegen.structure.outline import hide_bodies, outline_bodies
 
-    _, omitted = choose_names(outline_bodies(subject), labels, most)
+    _, omitted = choose_names(hide_bodies(outline_bodies(subject)), labels, most)
     for entry in omitted:
         output.warn(entry.describe())
     rows = [{"kind": entry.kind, "count": entry.count, "limit": entry.limit} for entry in omitted]

@@ -14,6 +14,7 @@ from tensegrity_codegen.runtime.trajectory.motion_tables import list_columns
 from tensegrity_codegen.runtime.trajectory.read_trajectory import read_trajectory
 from tensegrity_codegen.scene.formats.import_tables import MEMBER_COLUMNS, NODE_COLUMNS
 from tensegrity_codegen.scene.read import read_scene
+from tensegrity_codegen.structure.body_support import require_no_bodies
 from tensegrity_codegen.structure.limits import MEMBER_LIMITS
 from tensegrity_codegen.structure.sliding import require_no_rings
 from tensegrity_codegen.structure.structure import Structure
@@ -38,6 +39,7 @@ def encode_tables(source: ExportSource, path: Path, *, trajectory: Path | None =
             allowed="scenes of nodes and members",
             hint="the format json writes scenes of bodies",
         )
+    require_no_bodies(structure, "tables of nodes and members", "the format json writes such scenes")
     require_no_rings(structure, "tables of members with two nodes", "the format json writes such scenes")
     files = {
         "nodes.csv": _format_table(NODE_COLUMNS, _list_nodes(structure)),

@@ -6,6 +6,7 @@ from pathlib import Path
 from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource
 from tensegrity_codegen.scene.formats.import_scene_json import SCENE_FORMAT
 from tensegrity_codegen.scene.read import read_scene
+from tensegrity_codegen.structure.outline import hide_bodies, outline_tendons
 
 
 def write_json(source: ExportSource, path: Path) -> Exported:
@@ -13,7 +14,7 @@ def write_json(source: ExportSource, path: Path) -> Exported:
     document = read_scene(source.path).to_document()
     content = json.dumps({"format": SCENE_FORMAT, **document}, indent=1, ensure_ascii=False, allow_nan=False)
     path.write_text(content + "\n", encoding="utf-8", newline="\n")
-    structure = source.structure
+    structure = hide_bodies(outline_tendons(source.structure))
     return Exported(
         {"n_nodes": structure.n_nodes, "n_members": structure.n_members},
         ("comments and layout of the scene file are not in the file",),

@@ -27,6 +27,7 @@ from tensegrity_codegen.export.rigid_parts import (
 )
 from tensegrity_codegen.structure.collision import require_no_collision
 from tensegrity_codegen.structure.ground import Ground
+from tensegrity_codegen.structure.outline import hide_bodies
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice, name_list
@@ -493,7 +494,8 @@ def write_mjcf(source: ExportSource, path: Path, *, step: float = STEP, integrat
         )
     root, notes = build_mjcf(structure, step, integrator)
     write_elements(root, path)
-    return Exported({"n_nodes": structure.n_nodes, "n_members": structure.n_members}, tuple(notes))
+    shown = hide_bodies(structure)
+    return Exported({"n_nodes": shown.n_nodes, "n_members": shown.n_members}, tuple(notes))
 
 
 EXPORTER = Exporter(

@@ -21,7 +21,7 @@ from tensegrity_codegen.report.pictures.shown import find_rest_tension
 from tensegrity_codegen.runtime.trajectory.read_trajectory import read_trajectory
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.bodies import BodySystem
-from tensegrity_codegen.structure.outline import outline_bodies, outline_tendons, split_at_rings
+from tensegrity_codegen.structure.outline import hide_bodies, outline_bodies, outline_tendons, split_at_rings
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, OutputError, check_choice
@@ -188,7 +188,11 @@ def read_shapes(source: ExportSource, trajectory: Path | None = None) -> Shapes:
             notes.append(f"the motion is {motion.headline()}")
     if isinstance(subject, BodySystem):
         notes.append("bodies are drawn: bars and edges of rigid bodies are members without a tension")
-    further = describe_other_loads(subject, motion)
-    load, tension = compute_loads(subject, motion), structure.strands.spread(tension)
+    further, load = describe_other_loads(subject, motion), compute_loads(subject, motion)
+    if structure.bodies:
+        notes.append("rigid bodies are not in the file, but for their points")
+        structure = hide_bodies(structure)
+        position, load = position[:, : structure.n_nodes], load[:, : structure.n_nodes]
+    tension = structure.strands.spread(tension[:, : structure.n_members])
     notes += [further] if further else []
     return Shapes(split_at_rings(structure), time, position, load, tension, tuple(notes))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.structure.bodies import Bar, BodySystem, RigidBody
+from tensegrity_codegen.structure.body_meshes import frame_along
 from tensegrity_codegen.structure.collision import require_no_collision
 from tensegrity_codegen.structure.free_bodies import BodyPart
 from tensegrity_codegen.structure.kinematics import compute_node_position, euler_rotation
@@ -180,7 +181,7 @@ def _build_rod(structure: Structure, member: int) -> RigidPart:
         joint="" if held.all() else "ball" if held.any() else "floating",
         parent=WORLD,
         origin=origin,
-        rotation=_frame_along(direction),
+        rotation=frame_along(direction),
         mass=mass,
         centre=np.array([0.0, 0.0, centre]),
         inertia=np.diag([across, across, THIN_INERTIA_RATIO * across]),
@@ -191,14 +192,6 @@ def _build_rod(structure: Structure, member: int) -> RigidPart:
         },
         bar=(float(along.min()), float(along.max()), float(structure.radius[member])),
     )
-
-
-def _frame_along(direction: FloatArray) -> FloatArray:
-    """Return a rotation (3, 3) whose third column is the direction: about y, then about z."""
-    pitch = np.arctan2(np.hypot(direction[0], direction[1]), direction[2])
-    yaw = np.arctan2(direction[1], direction[0])
-    (c, s), (cy, sy) = (np.cos(pitch), np.sin(pitch)), (np.cos(yaw), np.sin(yaw))
-    return np.array([[cy * c, -sy, cy * s], [sy * c, cy, sy * s], [-s, 0.0, c]])
 
 
 def _list_bodies(system: BodySystem) -> tuple[list[RigidPart], dict[str, FloatArray]]:
@@ -240,7 +233,7 @@ def _build_held_bar(
         joint="ball" if body.held else "floating",
         parent=parent,
         origin=origin,
-        rotation=_frame_along(direction),
+        rotation=frame_along(direction),
         mass=body.mass,
         centre=np.array([0.0, 0.0, float(along.mean())]),
         inertia=np.diag([body.inertia, body.inertia, THIN_INERTIA_RATIO * body.inertia]),

@@ -12,7 +12,7 @@ from tensegrity_codegen.structure.kinematics import compute_node_position
 from tensegrity_codegen.structure.limits import MEMBER_LIMITS, Limits
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.tables.body_places import CORNERS, EDGES
+from tensegrity_codegen.tables.body_places import CORNERS
 
 MAX_CORNERS = 4  # of a rigid body whose points are joined pair by pair; more are joined in a ring
 
@@ -63,16 +63,20 @@ def hide_bodies(structure: Structure) -> Structure:
     if not structure.bodies:
         return structure
     n_nodes = structure.n_nodes - CORNERS * len(structure.bodies)
-    n_members = structure.n_members - EDGES * len(structure.bodies)
     shown = {name: getattr(structure, name)[:n_nodes] for name in NODE_FIELDS}
+    return hide_edges(structure).with_changes(**shown, bodies=())
+
+
+def hide_edges(structure: Structure) -> Structure:
+    """Return a structure without the edges of bodies, its last members."""
+    n_members = structure.n_members - int(structure.is_edge.sum())
     members = {name: getattr(structure, name) for name in MEMBER_FIELDS}
-    shown |= {name: values if values is None else values[:n_members] for name, values in members.items()}
+    shown = {name: values if values is None else values[:n_members] for name, values in members.items()}
     limits = {name: getattr(structure.limits, name)[:n_members] for name in MEMBER_LIMITS}
     return structure.with_changes(
         **shown,
         law_parameter={name: values[:n_members] for name, values in structure.law_parameter.items()},
         limits=replace(structure.limits, **limits),
-        bodies=(),
     )
 
 

@@ -261,6 +261,13 @@ class Structure(WithMemberLaws, Summarised):
         found[list(self.attached)] = True
         return found
 
+    @property
+    def is_corner(self) -> NDArray[np.bool_]:
+        """(n_nodes,): corners of bodies."""
+        found = np.zeros(self.n_nodes, dtype=np.bool_)
+        found[[node for body in self.bodies for node in body.corner]] = True
+        return found
+
     @cached_property
     def is_edge(self) -> NDArray[np.bool_]:
         """(n_members,): rigid bars between the corners of one body."""

@@ -1,5 +1,6 @@
 """The verbs `export` and `import` with shapes, motions and lines: exit codes, nothing half written."""
 
+import json
 import sys
 from pathlib import Path
 
@@ -7,8 +8,10 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen import load_scene
+from tensegrity_codegen.scene.write import write_scene
 from tests.cli.conftest import Run, write_example
 from tests.export.scenes import write_motion
+from tests.rigid_scenes import HANGING as RODS
 
 
 @pytest.fixture
@@ -105,3 +108,19 @@ def test_a_missing_package_ends_with_code_2(
         assert "pip install '.[cad]'" in ended.err
     assert not (folder / "b.dxf").exists()
     assert not (folder / "b.toml").exists()
+
+
+def test_shapes_have_points_of_bodies_and_tables_refuse_them(run: Run, folder: Path) -> None:
+    write_scene(RODS, folder / "rods.toml", overwrite=False)
+    motion = folder / "rods.npz"
+    run.good("simulate", "rods.toml", "--t-end", "0.02", "--samples", "3", "--out", motion)
+    for name, out in (("gltf", "rods.glb"), ("vtk", "rods.pvd")):
+        ended = run.good("export", name, "rods.toml", "--trajectory", motion, "--out", out, "--json")
+        assert (ended.data["n_nodes"], ended.data["n_members"], ended.data["n_samples"]) == (4, 2, 3)
+        assert any("rigid bodies are not in the file" in note for note in ended.data["warnings"])
+    ended = run("export", "csv", "rods.toml", "--out", "tables", "--json")
+    assert ended.code == 2
+    assert "rigid bodies are not supported here: tables" in ended.data["problem"]
+    run.good("export", "json", "rods.toml", "--out", "rods.json")
+    document = json.loads((folder / "rods.json").read_text(encoding="utf-8"))
+    assert document["bodies"]["block"]["mass"] == 0.5

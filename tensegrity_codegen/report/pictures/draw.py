@@ -121,6 +121,8 @@ def pad_tension(tension: FloatArray, structure: Structure) -> FloatArray:
     omitted = structure.n_members - tension.shape[-1]
     widths = [(0, 0)] * (tension.ndim - 1) + [(0, omitted)]
     padded: FloatArray = np.pad(tension, widths, constant_values=np.nan)
+    if structure.bodies:
+        padded[..., structure.is_edge] = np.nan  # stresses within a body are no matter of pictures
     return padded
 
 

@@ -25,6 +25,7 @@ from tensegrity_codegen.report.pictures.canvas import (
 )
 from tensegrity_codegen.report.pictures.view import Box, PerspectiveView, PlanarView, View
 from tensegrity_codegen.structure.bodies import BodySystem, RigidBody
+from tensegrity_codegen.structure.body_meshes import BodyMesh, build_mesh
 from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.outline import find_faces, find_joints, is_edge
 from tensegrity_codegen.structure.structure import Structure
@@ -56,13 +57,15 @@ class BodyParts:
     """The members and nodes of an outline that belong to rigid bodies.
 
     edge (n_members,): their edges; faces (n_faces, 3): triangles of nodes; count: number of rigid bodies;
-    joints: nodes that hold bars, whose forces are unknown.
+    joints: nodes that hold bars, whose forces are unknown; mesh: surfaces of bodies beside nodes, whose edges
+    and corners are not drawn.
     """
 
     edge: BoolArray
     faces: NDArray[np.int64]
     count: int = 0
     joints: NDArray[np.int64] | None = None
+    mesh: BodyMesh | None = None
 
     @classmethod
     def none(cls, structure: Structure) -> "BodyParts":
@@ -72,6 +75,9 @@ class BodyParts:
     @classmethod
     def of(cls, subject: Structure | BodySystem) -> "BodyParts":
         """Return the parts of the outline of a structure or of bodies."""
+        if isinstance(subject, Structure) and subject.bodies:
+            faces = np.zeros((0, 3), dtype=np.int64)
+            return cls(subject.is_edge, faces, len(subject.bodies), mesh=build_mesh(subject.bodies))
         bodies = () if isinstance(subject, Structure) else subject.bodies
         faces = np.array(find_faces(subject), dtype=np.int64).reshape(-1, 3)
         count = sum(isinstance(body, RigidBody) for body in bodies)
@@ -134,6 +140,10 @@ class StructureDrawing:
             [], facecolors=BODY, alpha=FACE_ALPHA, linewidths=0, zorder=2.8, clip_on=False
         )
         axes.add_collection(self._faces, autolim=False)
+        self._surfaces = PolyCollection([], linewidths=0.4, zorder=2.9, clip_on=False)
+        axes.add_collection(self._surfaces, autolim=False)
+        self._strands = np.flatnonzero(~structure.is_edge[structure.strands.member])
+        self._dots = np.flatnonzero(~structure.is_corner)
         self._nodes = axes.scatter(
             [], [], facecolor=NODE, edgecolor=INK, linewidth=1.1 * self._scale, zorder=4, clip_on=False
         )
@@ -141,7 +151,7 @@ class StructureDrawing:
     @property
     def artists(self) -> tuple[Any, ...]:
         """Everything that `show` changes, in painting order."""
-        return (*(marks for _, marks in self._anchors), self._faces, self._lines, self._nodes)
+        return (*(marks for _, marks in self._anchors), self._faces, self._surfaces, self._lines, self._nodes)
 
     def show(
         self, node_position: FloatArray, tension: FloatArray | None = None, color: FloatArray | None = None
@@ -154,7 +164,7 @@ class StructureDrawing:
         self.slack = find_slack(self._structure, node_position, tension)
         projected, depth = self.view.project(node_position)
         pair, member = self._structure.strands.ends, self._structure.strands.member
-        order = np.argsort(depth[pair].mean(axis=1), kind="stable")
+        order = self._strands[np.argsort(depth[pair].mean(axis=1)[self._strands], kind="stable")]
         nearness = self.view.magnification(depth) ** WIDTH_DEPTH
         segments, widths, colors = self._strokes(projected[pair], nearness[pair].mean(axis=1), color)
         self._lines.set_segments(list(segments[order].reshape(-1, 2, 2)))
@@ -168,11 +178,28 @@ class StructureDrawing:
             linewidths=widths[order].ravel(), linestyles=styles, colors=colors[order].reshape(-1, 4)
         )
         self._faces.set_verts(list(projected[self._parts.faces]))
-        order = np.argsort(depth, kind="stable")
+        if self._parts.mesh is not None:
+            self._show_surfaces(self._parts.mesh, node_position)
+        order = self._dots[np.argsort(depth[self._dots], kind="stable")]
         self._nodes.set_offsets(projected[order])
         self._nodes.set_sizes((self._scale * NODE_WIDTH * nearness[order]) ** 2)
         for chosen, marks in self._anchors:
             marks.set_data(*projected[chosen].T)
+
+    def _show_surfaces(self, mesh: BodyMesh, node_position: FloatArray) -> None:
+        """Draw the surfaces of bodies that face the observer, far ones first."""
+        projected, depth = self.view.project(mesh.compute_places(node_position))
+        corner = projected[mesh.triangle]
+        (ax, ay), (bx, by) = (corner[:, 1] - corner[:, 0]).T, (corner[:, 2] - corner[:, 0]).T
+        far = depth[mesh.triangle].mean(axis=1)
+        order = np.argsort(far, kind="stable")
+        order = order[(ax * by - ay * bx)[order] > 0]
+        # Light falls from the upper left: brighter where the surface is wide on paper and turned there.
+        light = _shade(projected, depth, mesh.triangle[order])
+        fill = np.ones((len(order), 4))
+        fill[:, :3] = np.clip(_rgba(BODY)[:3] * light[:, None], 0.0, 1.0)
+        self._surfaces.set_verts(list(corner[order]))
+        self._surfaces.set(facecolors=fill, edgecolors=fill)
 
     def _strokes(
         self, ends: FloatArray, nearness: FloatArray, color: FloatArray | None
@@ -207,6 +234,16 @@ class StructureDrawing:
         fill[self._parts.edge] = _rgba(BODY)
         fill[self.slack] = _rgba(SLACK)
         return fill
+
+
+def _shade(projected: FloatArray, depth: FloatArray, triangle: NDArray[np.int64]) -> FloatArray:
+    """Return the brightness of triangles on paper, for a light at the upper left of the observer."""
+    spot = np.concatenate([projected, depth[:, None]], axis=1)[triangle]
+    normal = np.cross(spot[:, 1] - spot[:, 0], spot[:, 2] - spot[:, 0])
+    size = np.linalg.norm(normal, axis=1, keepdims=True)
+    lit = (normal / np.where(size > 0, size, 1.0)) @ np.array([-0.35, 0.6, 0.72])
+    brightness: FloatArray = 0.75 + 0.55 * np.clip(lit, 0.0, 1.0)
+    return brightness
 
 
 def _group_anchors(structure: Structure, view: View) -> list[tuple[BoolArray, str, bool]]:

@@ -264,7 +264,7 @@ class NameWriter:
         """Write the names beside nodes at node_position (n_nodes, 3) and on members."""
         if not self._texts:
             return
-        projected, _ = self.view.project(node_position)
+        projected, _ = self.view.project(node_position[: self._structure.n_nodes])
         spots = self._choose(projected) if self._spots is None else self._spots
         self._spots = spots
         pair = self._structure.strands.first_ends

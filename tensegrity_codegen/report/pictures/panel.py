@@ -47,6 +47,7 @@ from tensegrity_codegen.report.pictures.view import (
     find_box,
 )
 from tensegrity_codegen.structure.ground import Ground
+from tensegrity_codegen.structure.outline import hide_bodies
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import describe_count
@@ -57,6 +58,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
 
 PICTURE_DPI = 150
+SHAPES = 50  # samples of a motion whose bodies must be in the picture
 MIN_WIDTH, MIN_HEIGHT = 3.4, 2.8  # of a figure [in], for its texts
 
 
@@ -112,6 +114,10 @@ def set_up(shown: Shown, choices: PictureChoices) -> Setting:
     ends = [end - step[:, None] for arrow_set in arrows for end in (arrow_set.tail, arrow_set.tip)]
     beyond = np.concatenate([end.reshape(-1, 3) for end in ends]) if ends else np.zeros((0, 3))
     beyond = beyond[np.isfinite(beyond).all(axis=1)]
+    if shown.parts.mesh is not None:
+        rows = range(0, len(position), max(1, len(position) // SHAPES))
+        surfaces = [shown.parts.mesh.compute_places(position[k]) - step[k] for k in rows]
+        relative = np.concatenate([relative.reshape(-1, 3), *surfaces])
     if structure.ground is not None:
         relative = np.concatenate([relative.reshape(-1, 3), _find_footprint(structure.ground, relative)])
     is_flat = len(structure.axes) < 3 or (choices.view is not None and choices.view.is_along_axis)
@@ -194,11 +200,12 @@ class Panel:
         self.arrows = [
             ForceArrows(axes, setting.view, arrow_set, line_scale=line_scale) for arrow_set in setting.arrows
         ]
-        written, _ = choose_names(shown.structure, choices.labels)
+        named = hide_bodies(shown.structure)
+        written, _ = choose_names(named, choices.labels)
         low, high = panel_extent(setting.view, setting.box)
         point = float(np.max((high - low) / np.maximum(inches, 1.0))) / 72
         self.names = NameWriter(
-            axes, shown.structure, setting.view, written, point,
+            axes, named, setting.view, written, point,
             [(arrow_set.tail[start], arrow_set.tip[start]) for arrow_set in setting.arrows],
             [artist for artist in self._frame if hasattr(artist, "xyann") and artist.get_text()],
         )  # fmt: skip
@@ -252,7 +259,12 @@ def describe_size(structure: Structure, bodies: BodyParts | None = None) -> str:
     bodies = BodyParts.none(structure) if bodies is None else bodies
     bars = int((structure.is_bar & ~bodies.edge).sum())
     cables = int((~structure.is_bar).sum())
-    amounts = {"node": structure.n_nodes, "rigid body": bodies.count, "bar": bars, "cable": cables}
+    amounts = {
+        "node": int((~structure.is_corner).sum()),
+        "rigid body": bodies.count,
+        "bar": bars,
+        "cable": cables,
+    }
     plural = {"rigid body": "rigid bodies"}
     counts = {noun: count for noun, count in amounts.items() if count}
     return ", ".join(describe_count(count, noun, plural.get(noun, "")) for noun, count in counts.items())

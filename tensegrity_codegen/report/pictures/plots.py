@@ -251,7 +251,9 @@ def _draw_paths(panel: Panel, shown: Shown) -> None:
     """Draw the paths of the nodes that are free to move, of evenly picked ones if they are many."""
     from matplotlib.collections import LineCollection
 
-    free = np.unique(shown.structure.coordinate_node_axis[:, 0])
+    structure = shown.structure
+    held = structure.node_anchored[:, list(structure.axes)].all(axis=1)
+    free = np.flatnonzero(~held & ~structure.is_corner)
     picked = free[:: 1 + len(free) // MAX_PATHS]
     projected, _ = panel.drawing.view.project(shown.position[:, picked])
     lines = LineCollection(

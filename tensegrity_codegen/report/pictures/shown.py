@@ -41,7 +41,7 @@ def find_rest_tension(subject: Structure | BodySystem, rigid: BoolArray | None =
     if not rigid.any():
         return tension
     tension[rigid] = np.nan
-    if isinstance(subject, Structure) and rigid.sum() <= MAX_BARS:
+    if isinstance(subject, Structure) and not subject.bodies and rigid.sum() <= MAX_BARS:
         tension[rigid] = _solve(structure, np.where(rigid, 0.0, tension), rigid)
     return tension
 

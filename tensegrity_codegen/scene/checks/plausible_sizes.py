@@ -238,11 +238,7 @@ def warn_of_imbalance(structure: Structure) -> list[str]:
     """Return warnings, for `check` only, of nodes that nothing holds or that start far from balance."""
     if not structure.n_members or structure.ground is not None:
         return []
-    unbalanced = find_unbalanced(structure)
-    for body in structure.bodies:  # the resultant in place of forces on its corners
-        unbalanced[body.corner[0]] = unbalanced[list(body.corner)].sum(axis=0)
-        unbalanced[list(body.corner[1:])] = 0.0
-    force = np.linalg.norm(unbalanced, axis=1)
+    force = np.linalg.norm(find_unbalanced(structure), axis=1)
     total = float(structure.lumped_mass.sum() * np.linalg.norm(structure.gravity))
     total += float(np.linalg.norm(structure.node_load, axis=1).sum())
     tension, sentences = structure.static_tension(), []
@@ -303,7 +299,10 @@ def warn_of_jump(structure: Structure) -> list[str]:
 
 
 def find_unbalanced(structure: Structure) -> FloatArray:
-    """Return the force that nothing balances at each node (n_nodes, 3) [N], zero if it is held."""
+    """Return the force that nothing balances at each node (n_nodes, 3) [N], zero if it is held.
+
+    That on a body is at its first corner.
+    """
     unit, _ = structure.strands.directions(structure.node_position)
     strands = structure.strands
     pull = strands.spread(structure.static_tension())[:, None] * unit
@@ -329,7 +328,11 @@ def find_unbalanced(structure: Structure) -> FloatArray:
         (data.ravel(), (rows.ravel(), column.ravel())), shape=(force.size, len(rigid))
     )
     bar_force = scipy.sparse.linalg.lsmr(matrix, force.ravel(), atol=1e-9, btol=1e-9)[0]
-    return np.asarray(force.ravel() - matrix @ bar_force).reshape(force.shape)
+    unbalanced = np.asarray(force.ravel() - matrix @ bar_force).reshape(force.shape)
+    for body in structure.body_places:
+        unbalanced[body.corner[0]] = unbalanced[list(body.corner)].sum(axis=0)
+        unbalanced[list(body.corner[1:])] = 0.0
+    return unbalanced
 
 
 def _find_stiffness(structure: Structure) -> FloatArray:

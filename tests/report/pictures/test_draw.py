@@ -6,16 +6,21 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("matplotlib", reason="pictures need matplotlib")
 
 from tensegrity_codegen import compile_scene, draw, find_equilibrium, load_scene, read_scene, simulate
 from tensegrity_codegen.cli.verbs.examples import read_example
+from tensegrity_codegen.report.pictures.draw import draw_shot, find_shot
+from tensegrity_codegen.report.pictures.view import PictureChoices
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 from tests.cases import thorough
 from tests.live.pages import load, sway
+from tests.rigid_scenes import HANGING as RODS
 
 
 @pytest.fixture(scope="module", params=["planar", *thorough("lin_prism", "svd_tower")])
@@ -148,3 +153,22 @@ def test_rigid_bodies_have_faces_and_bars_of_bodies_unknown_tensions() -> None:
 
 def tower_of_bodies() -> Any:
     return load_scene(read_scene(tomllib.loads(read_example("svd_tower"))))[0]
+
+
+def test_bodies_beside_nodes_are_drawn_by_their_surfaces() -> None:
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    structure = load_scene(RODS)[0]
+    assert isinstance(structure, Structure)
+    figure = draw(structure, labels=True)
+    shown = texts(figure)
+    for words in ("rod_top", "block_eye", "line", "tie", "4 nodes, 2 rigid bodies, 2 cables"):
+        assert words in shown, shown
+    assert "corner" not in shown
+    assert "edge" not in shown
+    drawn = figure.axes[0].collections
+    assert 6 in [len(item.get_segments()) for item in drawn if isinstance(item, LineCollection)]  # 3 a cable
+    surfaces = [item for item in drawn if isinstance(item, PolyCollection) and len(item.get_paths()) > 100]
+    assert len(surfaces) == 1
+    _, tension = draw_shot(find_shot(structure), PictureChoices())
+    np.testing.assert_array_equal(tension, structure.static_tension()[:2])
