@@ -7,7 +7,7 @@ const MOST = 160; // names at once
 export function buildLabels(canvas, stage, model) {
   const labels = { kind: "none", palette: null, omitted: false };
   const places = new Float64Array(3 * model.nodeCount);
-  const named = { members: model.memberNames, nodes: model.nodeNames };
+  const named = { members: model.memberNames, nodes: model.nodeNames.slice(0, model.shownCount) };
   const wish = () => Object.keys(named).filter((kind) => labels.kind === kind || labels.kind === "all");
   /** A canvas over the picture costs time in every frame: it is there only while something stands on it. */
   labels.draw = (nodes) => {

@@ -63,6 +63,8 @@ export function buildMeshes(model, textures) {
     group.add(fine);
     if (chosen.length > SIMPLER) kinds.push({ kind, chosen, fine, simple: null, thickest: largestOf(chosen, radii) });
   }
+  const bodies = bodyMesh(model, shared);
+  if (bodies) group.add(bodies);
   const { mesh: nodes, uniforms: nodeUniforms } = nodeMesh(model, shared, radii);
   group.add(nodes);
   const supports = supportMesh(model, shared);
@@ -100,6 +102,7 @@ export function buildMeshes(model, textures) {
       rim.plain.value.set(...unit(palette.ink), 1);
       shared.paper.value.set(...unit(palette.paper));
       shadows?.material.uniforms.shadow.value.set(...unit(palette.shadow));
+      bodies?.material.uniforms.fill.value.set(...unit(palette.body));
       nodeUniforms.fill.value.set(...unit(palette.node));
       nodeUniforms.rim.value.set(...unit(palette.isDark ? palette.paper : palette.ink));
       if (!supports) return;
@@ -156,6 +159,21 @@ function memberMesh(model, chosen, kind, uniforms, side) {
   return drawn(geometry, shader);
 }
 
+/** Surfaces of rigid bodies: each vertex is a constant combination of the four nodes that carry its body. */
+function bodyMesh(model, shared) {
+  const { body_first: first, body_place: place, body_normal: normal, body_triangle: triangle } = model.channels;
+  if (!first) return null;
+  const geometry = new THREE.BufferGeometry();
+  const put = (name, values, size) => geometry.setAttribute(name, new THREE.BufferAttribute(Float32Array.from(values), size));
+  put("position", new Float32Array(3 * first.rows), 3);
+  put("first", first.values, 1);
+  put("place", place.values, 4);
+  put("outward", normal.values, 4);
+  geometry.setIndex(new THREE.BufferAttribute(Uint32Array.from(triangle.values), 1));
+  const uniforms = { ...shared, fill: { value: new THREE.Vector3() } };
+  return drawn(geometry, material(glsl.BODY_VERTEX, glsl.BODY_FRAGMENT, uniforms));
+}
+
 /** What members shade of the ground, where there are few of them. */
 function shadowMesh(model, shared) {
   const level = groundLevel(model);
@@ -169,7 +187,7 @@ function shadowMesh(model, shared) {
 function nodeMesh(model, shared, radii) {
   const most = radii.reduce((largest, radius, e) => Math.max(largest, model.isBar[e] ? radius : 1.6 * radius), 0);
   const geometry = new THREE.BufferGeometry();
-  const count = model.nodeCount;
+  const count = model.shownCount;
   geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(3 * count), 3));
   geometry.setAttribute("node", new THREE.BufferAttribute(Float32Array.from({ length: count }, (_, k) => k), 1));
   const uniforms = {

@@ -11,6 +11,7 @@ export function buildModel(scene, buffers) {
   const model = {
     scene, channels,
     nodeCount: scene.nodes.length,
+    shownCount: scene.shown, // without the nodes that carry rigid bodies, which are the last ones
     memberCount: scene.members.length,
     nodeNames: scene.nodes,
     memberNames: scene.members,

@@ -32,9 +32,9 @@ const SCALES = {
   },
 };
 const FIXED = {
-  light: { bar: "#33506e", cable: "#d55e00", slack: "#8c949c", unknown: "#d8b93c", over: "#cc2f7b", ink: "#1f2933",
+  light: { bar: "#33506e", body: "#4d6480", cable: "#d55e00", slack: "#8c949c", unknown: "#d8b93c", over: "#cc2f7b", ink: "#1f2933",
     paper: "#ffffff", grid: "#d9dee3", node: "#f4f6f8", muted: "#5c6670", load: "#b0478a", reaction: "#00805c", shadow: "#e9ecef" },
-  dark: { bar: "#a9bfd6", cable: "#f28e45", slack: "#7d8791", unknown: "#f2e2a0", over: "#ff6db3", ink: "#e6eaee",
+  dark: { bar: "#a9bfd6", body: "#8fa6c0", cable: "#f28e45", slack: "#7d8791", unknown: "#f2e2a0", over: "#ff6db3", ink: "#e6eaee",
     paper: "#14181d", grid: "#333c46", node: "#dfe5ea", muted: "#a3adb8", load: "#e3a0c6", reaction: "#34c99c", shadow: "#0b0e11" },
 };
 const LINES = {

@@ -26,7 +26,7 @@ export function buildPicker(stage, model, radii) {
   function pickNode(x, y, reach) {
     let best = null;
     let least = reach + 4;
-    for (let k = 0; k < model.nodeCount; k++) {
+    for (let k = 0; k < model.shownCount; k++) {
       if (places[3 * k + 2] <= 0) continue;
       const distance = Math.hypot(places[3 * k] - x, places[3 * k + 1] - y);
       if (distance < least) [best, least] = [k, distance];

@@ -23,7 +23,7 @@ export function letPull(app) {
   const nodeAt = ([x, y], reach) => {
     projectNodes(stage, state.nodes, places);
     let [best, least] = [null, reach];
-    for (let k = 0; k < model.nodeCount; k++) {
+    for (let k = 0; k < model.shownCount; k++) {
       const distance = Math.hypot(places[3 * k] - x, places[3 * k + 1] - y);
       if (places[3 * k + 2] > 0 && distance < least && isFree(k)) [best, least] = [k, distance];
     }

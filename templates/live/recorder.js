@@ -1,5 +1,6 @@
 // The last seconds of a running model, for the diagrams.
 
+import { spreadTension } from "live/model";
 import { buildPlot, writeLegend } from "live/plots";
 
 const SPAN = 12; // seconds
@@ -47,7 +48,7 @@ export function buildRecorder(app) {
       rows.kinetic.push(state.kinetic);
       rows.potential.push(state.total - state.kinetic - recorder.start);
       rows.total.push(state.total - recorder.start);
-      tensions.push(state.tension);
+      tensions.push(spreadTension(model, state.tension));
       while (state.time - times[0] > SPAN) for (const list of [times, ...Object.values(rows), tensions]) list.shift();
     },
     show() {
@@ -75,7 +76,8 @@ export function buildRecorder(app) {
 }
 
 /** The members with the largest tensions, a chosen one first. */
-function chooseMembers(app, { tension }) {
+function chooseMembers(app, last) {
+  const tension = spreadTension(app.model, last.tension);
   const chosen = app.chosen?.member;
   const order = Array.from(tension.keys()).filter((e) => Number.isFinite(tension[e]) && e !== chosen);
   order.sort((a, b) => Math.abs(tension[b]) - Math.abs(tension[a]) || a - b);

@@ -66,6 +66,24 @@ void main() {
   outColor = vec4(lit, 1.0);
 }`;
 
+/** Rigid bodies: their four nodes are `first` and the three after it. */
+export const BODY_VERTEX = `${READ}
+in float first;
+in vec4 place, outward;
+out vec3 viewNormal;
+void main() {
+  vec3 a = nodeAt(first);
+  mat3 edges = mat3(nodeAt(first + 1.0) - a, nodeAt(first + 2.0) - a, nodeAt(first + 3.0) - a);
+  viewNormal = mat3(viewMatrix) * (edges * outward.yzw);
+  gl_Position = projectionMatrix * viewMatrix * vec4(a + edges * place.yzw, 1.0);
+}`;
+export const BODY_FRAGMENT = `precision highp float;
+in vec3 viewNormal;
+out vec4 outColor;
+uniform vec3 fill;
+${LIGHT}
+void main() { outColor = vec4(shade(fill, normalize(viewNormal)), 1.0); }`;
+
 /** Cables: ribbons that turn to the observer and are lit as tubes; dashed where slack. */
 export const CABLE_VERTEX = `${READ}
 in vec3 member;

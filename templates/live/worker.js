@@ -142,7 +142,7 @@ function positions() {
   if (engine.functions.node_position) return Float64Array.from(compute("node_position"));
   const places = Float64Array.from(engine.stated_position);
   engine.coordinate_place.forEach((place, k) => (places[place] = arrays.state[k]));
-  return places;
+  return attach(places);
 }
 
 /** Velocities of all nodes [m/s]. */
@@ -151,7 +151,17 @@ function velocities() {
   if (engine.functions.node_velocity) return Float64Array.from(compute("node_velocity"));
   const rates = new Float64Array(engine.stated_position.length);
   engine.coordinate_place.forEach((place, k) => (rates[place] = arrays.state[n + k]));
-  return rates;
+  return attach(rates);
+}
+
+/** Fill in the points of rigid bodies, constant combinations of the nodes that carry them. */
+function attach(vectors) {
+  for (const { corner, point, weights } of model.engine.bodies) {
+    point.forEach((node, k) => {
+      for (let c = 0; c < 3; c++) vectors[3 * node + c] = corner.reduce((sum, from, j) => sum + weights[k][j] * vectors[3 * from + c], 0);
+    });
+  }
+  return vectors;
 }
 
 /** Numbers of the pull at a time: node, spring constant, damping constant, point along the modelled axes. */

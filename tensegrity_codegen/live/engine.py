@@ -58,9 +58,9 @@ class Scales:
 def find_scales(subject: Structure | BodySystem, structure: Structure) -> Scales:
     """Return the typical values of a structure, given with its outline."""
     size = float(np.linalg.norm(np.ptp(structure.node_position, axis=0))) or 1.0
-    mass = np.array(structure.node_mass, dtype=float)
-    np.add.at(mass, structure.connectivity.ravel(), np.repeat(structure.member_mass / 2, 2))
-    carried = mass[(mass > 0) & ~structure.node_anchored.all(axis=1)]
+    mass = structure.lumped_mass
+    moved = np.where(structure.is_corner, 0.0, structure.effective_mass)
+    carried = moved[(moved > 0) & ~structure.node_anchored.all(axis=1)]
     weight = float(mass.sum()) * float(np.linalg.norm(structure.gravity))
     tension = float(np.abs(structure.static_tension()).max(initial=0.0))
     cable = structure.tension_only & (structure.mu > 0)
@@ -224,6 +224,10 @@ def add_engine(
             }
             for spec in manifest.functions
         },
+        "bodies": [
+            {"corner": body.corner, "point": body.point, "weights": body.weights}
+            for body in manifest.body_places
+        ],
         "statuses": [f"{name}: {STATUS_TEXT[name]}" for name in STATUS],
         "size": scales.size,
         "usual_force": scales.force,
@@ -291,6 +295,7 @@ def _bound_frequency(structure: Structure, chosen: NDArray[np.bool_] | None = No
     spring = spring if chosen is None else np.where(chosen, spring, 0.0)
     mass = np.array(structure.node_mass, dtype=float)
     np.add.at(mass, ends.ravel(), np.repeat(structure.member_mass / 6, 2))
+    mass[structure.is_attached] = structure.effective_mass[structure.is_attached]
     total = np.zeros(structure.n_nodes)
     np.add.at(total, ends.ravel(), np.repeat(2.0 * spring, 2))
     moving = (mass > 0) & ~structure.node_anchored.all(axis=1)

@@ -27,9 +27,10 @@ from tensegrity_codegen.report.pictures.view import (
 from tensegrity_codegen.runtime.analysis.analyse import Analysis
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.body_meshes import build_mesh
 from tensegrity_codegen.structure.limits import MEMBER_LIMITS
 from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS, check_members
-from tensegrity_codegen.structure.outline import find_joints, outline_bodies, split_at_rings
+from tensegrity_codegen.structure.outline import find_joints, hide_edges, outline_bodies, split_at_rings
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import describe_count
@@ -220,10 +221,11 @@ def build_live_scene(
     reaction = compute_reactions(structure, position, tension, held, loads, find_joints(subject))
     shapes, labels = _list_modes(analysis)
     uses = compute_uses(subject, structure, position, tension)
-    headline = _headline(structure, motion)
     # Each strand of a cable through rings is a line of its own
+    structure = hide_edges(structure)
+    headline, is_whole = _headline(structure, motion), structure.strands.is_plain and not structure.bodies
     strands, structure = structure.strands, split_at_rings(structure)
-    tension = strands.spread(tension)
+    tension = strands.spread(tension[:, : strands.n_members])
     channels = _pack_structure(structure) | {
         "time": pack(time, "float64"),
         "node_position": pack_rounded(position - origin, by_place=True),
@@ -236,8 +238,8 @@ def build_live_scene(
     if held.size:
         channels |= {"held": pack(held, "int32"), "reaction": pack_rounded(reaction)}
     if uses is not None:
-        channels["use"] = pack_rounded(strands.spread(uses))
-    if not strands.is_plain:
+        channels["use"] = pack_rounded(strands.spread(uses[:, : strands.n_members]))
+    if not is_whole:
         channels["strand_of"] = pack(strands.member, "int32")
     if motion is not None:
         channels |= {
@@ -254,6 +256,7 @@ def build_live_scene(
         "start": start.describe(),
         "most_names": MAX_NAMES,
         "nodes": structure.node_name,
+        "shown": int((~structure.is_corner).sum()),
         "members": structure.member_name,
         "axes": structure.axes,
         "origin": origin.tolist(),
@@ -279,7 +282,15 @@ def _describe_plane(subject: Structure | BodySystem, origin: FloatArray) -> dict
 
 def _pack_structure(structure: Structure) -> dict[str, Channel]:
     """Return the arrays of a structure that do not change."""
-    return {
+    mesh, bodies = build_mesh(structure.bodies), {}
+    if structure.bodies:
+        bodies = {
+            "body_first": pack(mesh.first, "int32"),
+            "body_place": pack(mesh.place, "float32"),
+            "body_normal": pack(mesh.normal, "float32"),
+            "body_triangle": pack(mesh.triangle, "int32"),
+        }
+    return bodies | {
         "connectivity": pack(structure.connectivity.reshape(-1), "int32"),
         "is_bar": pack(structure.is_bar, "uint8"),
         "tension_only": pack(structure.tension_only, "uint8"),
@@ -324,9 +335,10 @@ def _describe_modes(analysis: Analysis | None) -> str:
 
 
 def _headline(structure: Structure, motion: Trajectory | None) -> str:
-    bars = int(structure.is_bar.sum())
-    counts = {"node": structure.n_nodes, "bar": bars, "cable": structure.n_members - bars}
-    clauses = [describe_count(count, noun) for noun, count in counts.items()]
+    bars, n_nodes = int(structure.is_bar.sum()), int((~structure.is_corner).sum())
+    counts = {"node": n_nodes, "bar": bars, "cable": structure.n_members - bars}
+    clauses = [describe_count(len(structure.bodies), "body", "bodies")] if structure.bodies else []
+    clauses += [describe_count(count, noun) for noun, count in counts.items()]
     if motion is not None:
         samples = describe_count(len(motion.time), "sample")
         clauses.append(f"{motion.time[-1] - motion.time[0]:.6g} s in {samples}")

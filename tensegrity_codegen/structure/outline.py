@@ -60,15 +60,15 @@ MEMBER_FIELDS = (
 
 def hide_bodies(structure: Structure) -> Structure:
     """Return a structure without corners and edges of bodies, its last nodes and members, for texts."""
-    if not structure.bodies:
-        return structure
     n_nodes = structure.n_nodes - CORNERS * len(structure.bodies)
     shown = {name: getattr(structure, name)[:n_nodes] for name in NODE_FIELDS}
-    return hide_edges(structure).with_changes(**shown, bodies=())
+    return hide_edges(structure).with_changes(**shown, bodies=()) if structure.bodies else structure
 
 
 def hide_edges(structure: Structure) -> Structure:
     """Return a structure without the edges of bodies, its last members."""
+    if not structure.bodies:
+        return structure
     n_members = structure.n_members - int(structure.is_edge.sum())
     members = {name: getattr(structure, name) for name in MEMBER_FIELDS}
     shown = {name: values if values is None else values[:n_members] for name, values in members.items()}

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tensegrity_codegen import load_scene
 from tensegrity_codegen.codegen.print.render import paste_text, plain_c_folder, template_folder
 from tensegrity_codegen.live import live_scene
 from tensegrity_codegen.live.live_scene import (
@@ -21,9 +22,12 @@ from tensegrity_codegen.live.live_scene import (
 )
 from tensegrity_codegen.report.loads import compute_reactions
 from tensegrity_codegen.report.pictures.view import read_view
+from tensegrity_codegen.structure.body_meshes import build_mesh
 from tensegrity_codegen.structure.member_limits import check_members
+from tensegrity_codegen.structure.structure import Structure
 from tests.ground_cases import make_slope
 from tests.live.pages import load, sway
+from tests.rigid_scenes import HANGING as RODS
 
 
 def unpack(channel: Channel) -> np.ndarray:
@@ -205,3 +209,20 @@ def test_the_memory_of_a_page_holds_the_run_of_its_library() -> None:
     reserved = re.search(r"^const RUN = (\d+);", worker, re.M)
     assert reserved is not None
     assert 0 < end <= 8 * int(reserved[1])
+
+
+def test_a_page_has_surfaces_of_bodies_and_neither_corners_nor_edges() -> None:
+    structure = load_scene(RODS)[0]
+    assert isinstance(structure, Structure)
+    scene = build_live_scene(structure)
+    assert scene.headline == "2 bodies, 4 nodes, 0 bars, 2 cables"
+    assert scene.data["shown"] == 4
+    assert scene.data["members"] == ("line", "tie")
+    first, place, triangle = (
+        unpack(scene.channels[f"body_{name}"]) for name in ("first", "place", "triangle")
+    )
+    mesh = build_mesh(structure.bodies)
+    np.testing.assert_array_equal(first, mesh.first)
+    np.testing.assert_allclose(place, mesh.place, rtol=1e-6, atol=1e-6)
+    np.testing.assert_array_equal(triangle, mesh.triangle)
+    assert unpack(scene.channels["strand_of"]).tolist() == [0, 1]

@@ -16,12 +16,14 @@ from tensegrity_codegen.live.engine import add_engine
 from tensegrity_codegen.live.live_scene import build_live_scene
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
+from tensegrity_codegen.scene.write import write_scene
 from tensegrity_codegen.tables.manifest import STATUS
 from tests.codegen.compilers import require_compiler
 from tests.live.pages import EXAMPLES, require_three, write_page
 from tests.live.test_worker import QUAD
 from tests.report.browser import find_browser
 from tests.report.driver import Browser, Tab, running_browser
+from tests.rigid_scenes import HANGING as RODS
 
 # Zig compiles the C library of WebAssembly the first time, for minutes where the processor is shared.
 pytestmark = [
@@ -307,4 +309,24 @@ def test_the_clock_is_honest(
     assert opened.ask("document.documentElement.scrollWidth") <= 400
     assert opened.complaints() == []
     assert opened.requests() == []
+    opened.send("Page.close")
+
+
+@pytest.mark.parametrize("width", [400, 1400])
+def test_a_point_of_a_body_is_dragged(browser: Browser, tmp_path: Path, width: int) -> None:
+    write_scene(RODS, tmp_path / "hanging.toml", overwrite=False)
+    opened = open_page(browser, str(tmp_path / "hanging"), tmp_path, width=width)
+    opened.frame()
+    assert 0.005 < opened.ask("tensegrity.coverage()") < 0.6
+    node = opened.ask("tensegrity.names.nodes.indexOf('block_eye')")
+    x, y = opened.ask(f"tensegrity.place({node})")
+    y += opened.ask("document.getElementById('view').getBoundingClientRect().top")
+    opened.mouse("Moved", x, y)
+    opened.mouse("Pressed", x, y, button="left")
+    opened.wait(f"tensegrity.app.pull?.node === {node}")
+    opened.mouse("Moved", x + 60, y, button="left")
+    opened.wait(f"tensegrity.place({node})[0] > {x + 10}")
+    opened.mouse("Released", x + 60, y, button="left")
+    opened.wait("tensegrity.app.pull === null")
+    assert opened.complaints() == []
     opened.send("Page.close")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen import Profile, load_scene, simulate
+from tensegrity_codegen import Profile, compile_scene, load_scene, simulate
 from tensegrity_codegen.cli.picture import request_play
 from tensegrity_codegen.live.engine import add_engine
 from tensegrity_codegen.live.live_page import live_folder
@@ -20,6 +20,7 @@ from tensegrity_codegen.runtime.integrate.options import Stepping
 from tests.codegen.compilers import require_compiler
 from tests.live.pages import EXAMPLES, GALLERY
 from tests.live.test_live_scene import unpack
+from tests.rigid_scenes import HANGING as RODS
 
 # Zig compiles the C library of WebAssembly the first time, for minutes where the processor is shared.
 pytestmark = [
@@ -268,3 +269,14 @@ def test_inputs_follow_their_profile_as_in_native_c() -> None:
     np.testing.assert_allclose(found["again"], found["rows"][-1][0], atol=1e-5)
     assert found["status"] == 0
     assert [label for label in found["labels"] if label.startswith("winch")] == ["winch_2"]
+
+
+def test_points_of_bodies_are_where_native_c_has_them() -> None:
+    require_compiler("zig")
+    subject, wanted = load_scene(RODS)
+    play = request_play(subject, wanted)
+    script = "const { nodes, tension } = order('advance', { time: 0.2 }); return [[...nodes], [...tension]];"
+    nodes, tension = run_worker(subject, build_library(subject, play, target="wasm32"), script)
+    own = simulate(compile_scene(RODS, for_="simulate"), t_end=0.2, samples=2, rtol=1e-9)
+    np.testing.assert_allclose(np.reshape(nodes, (-1, 3)), own.node_position[-1], atol=1e-5)
+    np.testing.assert_allclose(tension[:2], own.member_tension[-1, :2], atol=1e-2)

@@ -223,7 +223,13 @@ def integrator_context(
 
 def _pull_context(manifest: Manifest, functions: Mapping[str, FunctionSpec]) -> dict[str, Any]:
     """Return the context of the template of a pull: axes in loads, functions of node positions if needed."""
+    place = {tuple(pair): k for k, pair in enumerate(manifest.coordinate_node_axis)}
     return {
+        "points": [  # node, first coordinate of the corners, weights of these
+            (node, place[body.corner[0], 0], weights)
+            for body in manifest.body_places
+            for node, weights in zip(body.point, body.weights, strict=True)
+        ],
         "axes": len(manifest.axes),
         "size": pull_size(manifest.axes),
         "column": [manifest.axes.index(axis) if axis in manifest.axes else -1 for axis in range(3)],

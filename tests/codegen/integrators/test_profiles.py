@@ -12,11 +12,13 @@ from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.accuracy.integrate import integrate_once
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
+from tensegrity_codegen.runtime.model.placement import place_nodes, place_velocities
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
 from tensegrity_codegen.runtime.profiles.pieces import build_linear
 from tensegrity_codegen.system.errors import FormulationError
 from tests.cases import thorough
 from tests.live.pages import EXAMPLES
+from tests.rigid_scenes import HANGING as RODS
 
 RAMP, T_END = 0.02, 0.1  # s
 STIFFNESS, DAMPING = 200.0, 2.0
@@ -26,14 +28,15 @@ CASES = [("planar", "", "rk54"), ("prism", "node_distance", "rk54"), ("svd_tower
 
 
 @pytest.mark.parametrize(
-    ("name", "formulation", "method"), [("prism", "", "rk54"), *thorough(("prism", "", "radau"), *CASES)]
+    ("name", "formulation", "method"),
+    [("prism", "", "rk54"), ("rods", "", "rk54"), *thorough(("prism", "", "radau"), *CASES)],
 )
 def test_a_pull_is_a_spring_and_a_damper_to_a_point(name: str, formulation: str, method: str) -> None:
-    subject, request = load_scene(EXAMPLES / f"{name}.toml")
+    subject, request = load_scene(RODS if name == "rods" else EXAMPLES / f"{name}.toml")
     request = replace(request, formulation=formulation or request.formulation)
     model = build_library(subject, request_play(subject, request)).load()
     places, axes = model.manifest.coordinate_place, list(model.manifest.axes)
-    node = subject.n_nodes - 1
+    node = subject.node_name.index("block_eye") if name == "rods" else subject.n_nodes - 1
     start = model.manifest.stated_position[node, axes]
     # The spring comes up while the point moves along the first axis, both in straight lines.
     later = [node, STIFFNESS, DAMPING, *start + 0.05]
@@ -45,8 +48,7 @@ def test_a_pull_is_a_spring_and_a_damper_to_a_point(name: str, formulation: str,
         _, stiffness, damping, *point = pieces.at(time)
         given = {"coordinate": state[:n], "velocity": state[n:]}
         if len(places):
-            place, rate = np.zeros((2, subject.n_nodes, 3))
-            place[places[:, 0], places[:, 1]], rate[places[:, 0], places[:, 1]] = state[:n], state[n:]
+            place, rate = place_nodes(model, state[:n]), place_velocities(model, state[:n], state[n:])
         else:
             place, rate = model.compute("node_position", **given), model.compute("node_velocity", **given)
         load = loads.copy()
