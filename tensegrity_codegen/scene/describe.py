@@ -249,7 +249,7 @@ def _describe_free_body(structure: Structure, body: FreeBody) -> dict[str, Any]:
         name = structure.node_name[node].removeprefix(f"{body.name}_")
         points[name] = local if math.isnan(radius) else {"position": local, "radius": float(radius)}
     table |= {"points": points} if points else {}
-    table |= {"parts": [_describe_part(part) for part in body.parts]} if body.parts else {}
+    table |= {"parts": [describe_part(part) for part in body.parts]} if body.parts else {}
     place = body.place()
     (centre,), (axes,) = place_bodies([place], structure.node_position)
     table |= {"centre": centre.tolist(), "matrix": axes.tolist()}
@@ -259,21 +259,21 @@ def _describe_free_body(structure: Structure, body: FreeBody) -> dict[str, Any]:
     return table | ({"angular_velocity": spin.tolist()} if spin.any() else {})
 
 
-def _describe_part(part: BodyPart) -> dict[str, Any]:
+def describe_part(part: BodyPart) -> dict[str, Any]:
     """Return the table of a shape without its mass, which the body states."""
     table: dict[str, Any] = {"kind": part.kind}
     if part.kind in ("ball", "box"):
         table["position"] = part.position.tolist()
         if part.kind == "ball":
             return table | {"radius": part.size[0]}
-        return table | {"size": list(part.size), "quaternion": _find_quaternion(part.axes)}
+        return table | {"size": list(part.size), "quaternion": find_quaternion(part.axes)}
     half = part.axes[:, 2] * part.size[-1] / 2.0
     table |= {"radius": part.size[0]} | ({"inner_radius": part.size[1]} if part.kind == "tube" else {})
     return table | {"from": (part.position - half).tolist(), "to": (part.position + half).tolist()}
 
 
-def _find_quaternion(axes: FloatArray) -> list[float]:
-    """Return w, x, y, z of a rotation matrix: the eigenvector of its largest eigenvalue."""
+def find_quaternion(axes: FloatArray) -> list[float]:
+    """Return w, x, y, z of a rotation matrix: an eigenvector, its largest number above 0."""
     r = axes
     square = np.array(
         [
@@ -283,7 +283,9 @@ def _find_quaternion(axes: FloatArray) -> list[float]:
             [0.0, 0.0, 0.0, 2 * r[2, 2] - np.trace(r)],
         ]
     )
-    return list(map(float, np.linalg.eigh(square, UPLO="U")[1][:, -1]))
+    vector = np.linalg.eigh(square, UPLO="U")[1][:, -1]
+    sign = np.copysign(1.0, vector[np.abs(vector).argmax()])
+    return [float(value) + 0.0 for value in sign * vector]
 
 
 def _describe_member(structure: Structure, e: int, node_name: Sequence[str]) -> dict[str, Any]:

@@ -232,7 +232,7 @@ def _mass(table: RigidPart, parts: Sequence[BodyPart], place: str) -> tuple[floa
         for part in heavy:
             arm = part.position - centre
             steiner = part.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-            inertia += part.axes @ np.diag(_unit_inertia(part)) @ part.axes.T * part.mass + steiner
+            inertia += part.axes @ np.diag(compute_unit_inertia(part)) @ part.axes.T * part.mass + steiner
     else:
         need(table.mass is not None, "a body without mass", "mass", table.mass, allowed)
         need((table.mass or 0.0) > 0, "a body needs a mass above 0", "mass", table.mass, allowed)
@@ -391,15 +391,16 @@ def _part(part: PartTable, place: str) -> BodyPart:
         radii = (part.radius or 0.0, inner) if part.kind == "tube" else (part.radius or 0.0,)
         size = (*radii, float(np.linalg.norm(end - start)))
     shape = BodyPart(part.kind, size, position, axes)
-    mass = part.mass if part.density is None else part.density * _volume(shape)
+    mass = part.mass if part.density is None else part.density * compute_volume(shape)
     return BodyPart(part.kind, size, position, axes, mass or 0.0)
 
 
-def _volume(part: BodyPart) -> float:
+def compute_volume(part: BodyPart) -> float:
+    """Return the volume of a part [m3]."""
     return _VOLUME[part.kind](*part.size)
 
 
-def _unit_inertia(part: BodyPart) -> FloatArray:
+def compute_unit_inertia(part: BodyPart) -> FloatArray:
     """Return the principal inertia of a part of mass 1, about its axes (3,) [m2]."""
     if part.kind == "ball":
         return np.full(3, 0.4 * part.size[0] ** 2)

@@ -13,13 +13,14 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from tensegrity_codegen.scene.describe import describe_part, find_quaternion
 from tensegrity_codegen.scene.formats.files.documents import find_root, read_numbers
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult, Network, NetworkMember, build_result
 from tensegrity_codegen.scene.formats.mjcf.actuators import read_actuators
 from tensegrity_codegen.scene.formats.mjcf.contacts import Ball, read_ground
 from tensegrity_codegen.scene.formats.mjcf.defaults import MAX_NAMED, Defaults, read_defaults
-from tensegrity_codegen.scene.formats.mjcf.frames import compute_quaternion, read_compiler
+from tensegrity_codegen.scene.formats.mjcf.frames import read_compiler
 from tensegrity_codegen.scene.formats.mjcf.include import read_model
 from tensegrity_codegen.scene.formats.mjcf.links import Link, read_links
 from tensegrity_codegen.scene.formats.mjcf.sensors import list_sites, read_sensors
@@ -240,7 +241,7 @@ def _add_body(
         "inertia": (np.diag(inertia) if is_diagonal else inertia).tolist(),
     }
     body |= {"centre_of_mass": link.centre.tolist()} if link.centre.any() else {}
-    parts = [part for geom in link.geoms if (part := geom.describe())]
+    parts = [describe_part(part) for geom in link.geoms if (part := geom.to_part()) and part.size[0] > 0]
     body |= {"parts": parts} if parts else {}
     points: dict[str, Any] = {site: link.sites[site].tolist() for site in sites}
     for ball in balls:
@@ -253,7 +254,7 @@ def _add_body(
         touching.append(((link.name, name), ball.radius))
     body |= {"points": points, "position": link.position.tolist()}
     if not np.array_equal(link.rotation, np.eye(3)):
-        body["quaternion"] = compute_quaternion(link.rotation)
+        body["quaternion"] = find_quaternion(link.rotation)
     speed = link.move(link.place(link.centre))
     body |= {"centre_velocity": speed.tolist()} if speed.any() else {}
     body |= {"angular_velocity": (link.rotation.T @ link.spin).tolist()} if link.spin.any() else {}

@@ -7,6 +7,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from tensegrity_codegen.scene.assemble.free_bodies import turn_by_quaternion, turn_to
 from tensegrity_codegen.scene.formats.files.documents import read_numbers
 from tensegrity_codegen.scene.formats.mjcf.defaults import Defaults
 from tensegrity_codegen.system.arrays import FloatArray
@@ -66,8 +67,8 @@ def read_rotation(compiler: Compiler, values: Mapping[str, str], where: str) -> 
     """Return the rotation matrix of an element in the frame around it."""
     unit = math.pi / 180 if compiler.in_degrees else 1.0
     if "quat" in values:
-        quaternion = np.array(read_numbers(values["quat"], f"{where}.quat", (4,)))
-        return _rotate(quaternion[1:], 2 * math.atan2(float(np.linalg.norm(quaternion[1:])), quaternion[0]))
+        quaternion = read_numbers(values["quat"], f"{where}.quat", (4,))
+        return turn_by_quaternion(quaternion) if any(quaternion) else np.eye(3)
     if "axisangle" in values:
         numbers = read_numbers(values["axisangle"], f"{where}.axisangle", (4,))
         return _rotate(np.array(numbers[:3]), numbers[3] * unit)
@@ -88,26 +89,8 @@ def read_rotation(compiler: Compiler, values: Mapping[str, str], where: str) -> 
     return total
 
 
-def compute_quaternion(rotation: FloatArray) -> list[float]:
-    """Return the unit quaternion (w, x, y, z) of a rotation matrix, its largest number above zero."""
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation.tolist()
-    products = np.array([  # of its numbers, times 4
-        [1 + xx + yy + zz, zy - yz, xz - zx, yx - xy],
-        [zy - yz, 1 + xx - yy - zz, xy + yx, xz + zx],
-        [xz - zx, xy + yx, 1 - xx + yy - zz, yz + zy],
-        [yx - xy, xz + zx, yz + zy, 1 - xx - yy + zz],
-    ])  # fmt: skip
-    row = products[int(products.diagonal().argmax())]
-    return [float(value) for value in row / np.linalg.norm(row)]
-
-
 def _turn_to(direction: FloatArray) -> FloatArray:
-    """Return the shortest rotation of the z axis to a direction."""
-    z = direction / (np.linalg.norm(direction) or 1.0)
-    across = np.cross([0.0, 0.0, 1.0], z)
-    if not np.linalg.norm(across):
-        across = np.array([1.0, 0.0, 0.0])
-    return _rotate(across, math.atan2(float(np.hypot(z[0], z[1])), float(z[2])))
+    return turn_to(direction / (np.linalg.norm(direction) or 1.0))
 
 
 def _rotate(axis: FloatArray, angle: float) -> FloatArray:

@@ -152,8 +152,8 @@ def _fill(walk: _Walk, element: Element, link: Link, frame: _Frame) -> None:
             low, high = walk.compiler.groups
             counts = low <= read_number(values.get("group", "0"), f"{geom.where}.group") <= high
             if moves and counts and (not inertial or walk.compiler.inertia == "true"):
-                mass = geom.compute_mass()
-                link.add_mass(mass, geom.position, geom.compute_inertia(mass))
+                mass, inertia = geom.compute_inertia()
+                link.add_mass(mass, geom.position, inertia)
         elif child.tag == "inertial" and moves and walk.compiler.inertia != "true":
             _add_inertial(walk, child, link, inner)
         elif child.tag == "body":

@@ -9,7 +9,7 @@ import pytest
 
 from tensegrity_codegen.scene.formats.import_mjcf import WHAT
 from tensegrity_codegen.scene.formats.mjcf.defaults import read_defaults
-from tensegrity_codegen.scene.formats.mjcf.frames import compute_quaternion, read_compiler
+from tensegrity_codegen.scene.formats.mjcf.frames import read_compiler
 from tensegrity_codegen.scene.formats.mjcf.include import read_model
 from tensegrity_codegen.scene.formats.mjcf.links import Link, read_links
 from tensegrity_codegen.system.errors import InvalidValueError
@@ -68,23 +68,29 @@ def test_inertia_of_shapes_is_that_of_their_formulas(tmp_path: Path) -> None:
     capsule, _, box, ellipsoid, ball = link.geoms
     radius, half = 0.05, 0.2
     cylinder, halves = math.pi * radius**2 * 2 * half, 4 / 3 * math.pi * radius**3
-    assert capsule.compute_mass() == pytest.approx(1000 * (cylinder + halves), rel=1e-14)
+    assert capsule.compute_inertia()[0] == pytest.approx(1000 * (cylinder + halves), rel=1e-14)
     # Half balls have their centres 3/8 of the radius beyond the ends.
     about = cylinder * radius**2 / 2 + 0.4 * halves * radius**2
     across = cylinder * (3 * radius**2 + 4 * half**2) / 12
     across += halves * (0.4 * radius**2 - (3 / 8 * radius) ** 2 + (half + 3 / 8 * radius) ** 2)
-    moments = np.linalg.eigvalsh(capsule.compute_inertia(1000 * (cylinder + halves)))
+    moments = np.linalg.eigvalsh(capsule.compute_inertia()[1])
     np.testing.assert_allclose(moments, 1000 * np.array([about, across, across]), rtol=1e-12)
-    np.testing.assert_allclose(np.linalg.eigvalsh(box.compute_inertia(3)), [0.05, 0.1, 0.13], rtol=1e-12)
-    np.testing.assert_allclose(
-        np.linalg.eigvalsh(ellipsoid.compute_inertia(5)), [0.05, 0.1, 0.13], rtol=1e-12
-    )
-    np.testing.assert_allclose(ball.compute_inertia(5), 0.02 * np.eye(3), atol=1e-15)
+    principal = np.array([0.05, 0.1, 0.13])
+    for geom, mass, share in ((box, 48.0, 1 / 3), (ellipsoid, 3.0, 1 / 5)):
+        own, inertia = geom.compute_inertia()
+        assert own == pytest.approx(mass, rel=1e-14)
+        np.testing.assert_allclose(np.linalg.eigvalsh(inertia), mass * share * principal, rtol=1e-12)
+    mass, inertia = ball.compute_inertia()
+    np.testing.assert_allclose(inertia, 0.4 * mass * 0.01 * np.eye(3), atol=1e-15)
 
 
 def test_nested_classes_and_frames_count(tmp_path: Path) -> None:
     link = read_link(tmp_path, write_body("classes"))
-    assert [geom.compute_mass() for geom in link.geoms] == [pytest.approx(5000 * math.pi * 0.004), 3.0, 3.0]
+    assert [geom.compute_inertia()[0] for geom in link.geoms] == [
+        pytest.approx(5000 * math.pi * 0.004),
+        3.0,
+        3.0,
+    ]
     assert [geom.size[1] for geom in link.geoms] == [0.2, 0.9, 0.9]
     assert read_link(tmp_path, write_body("joint of a class")).kind == "free"
     framed = read_link(tmp_path, write_body("frames"))
@@ -100,20 +106,6 @@ def test_global_coordinates_are_those_of_the_world(tmp_path: Path) -> None:
     link = read_link(tmp_path, text)
     np.testing.assert_allclose(link.locate("s"), [0, 0, 0], atol=1e-15)
     np.testing.assert_allclose(link.place(link.geoms[0].position), [0, 0, 0], atol=1e-15)
-
-
-def test_quaternions_of_all_quadrants_turn_as_their_matrices() -> None:
-    rng = np.random.default_rng(4)
-    for numbers in [*rng.normal(size=(40, 4)), *np.eye(4), [1e-9, 1, 0, 0]]:
-        w, x, y, z = numbers / np.linalg.norm(numbers)
-        matrix = np.array([
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ])  # fmt: skip
-        found = np.array(compute_quaternion(matrix))
-        np.testing.assert_allclose(abs(found @ [w, x, y, z]), 1.0, atol=1e-14)
-        assert found[np.abs(found).argmax()] > 0
 
 
 EQUALITY = '<equality><weld body1="rod0" body2="rod1"/></equality><tendon>'
