@@ -243,12 +243,15 @@ def _add_body(
     body |= {"centre_of_mass": link.centre.tolist()} if link.centre.any() else {}
     parts = [describe_part(part) for geom in link.geoms if (part := geom.to_part()) and part.size[0] > 0]
     body |= {"parts": parts} if parts else {}
-    points: dict[str, Any] = {site: link.sites[site].tolist() for site in sites}
+    names = {site: site.removeprefix(f"{link.name}_") for site in link.sites}
+    names = {
+        site: name if list(names.values()).count(name) == 1 and name else site for site, name in names.items()
+    }
+    points: dict[str, Any] = {names[site]: link.sites[site].tolist() for site in sites}
     for ball in balls:
-        name = next(
-            (site for site in sites if np.allclose(link.sites[site], ball.position, atol=1e-9)), ball.name
-        )
-        while name in points and (name not in sites or isinstance(points[name], dict)):
+        beside = [site for site in link.sites if np.allclose(link.sites[site], ball.position, atol=1e-9)]
+        name = names[beside[0]] if beside else ball.name
+        while isinstance(points.get(name), dict) or (name in points and not beside):
             name += "_"
         points[name] = {"position": ball.position.tolist(), "radius": ball.radius}
         touching.append(((link.name, name), ball.radius))
@@ -259,7 +262,7 @@ def _add_body(
     body |= {"centre_velocity": speed.tolist()} if speed.any() else {}
     body |= {"angular_velocity": (link.rotation.T @ link.spin).tolist()} if link.spin.any() else {}
     network.bodies[link.name] = body
-    network.points |= {site: (link.name, site) for site in sites}
+    network.points |= {site: (link.name, names[site]) for site in sites}
 
 
 def _add_point(network: Network, link: Link, chosen: Sequence[str], where: str) -> None:

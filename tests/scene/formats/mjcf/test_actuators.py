@@ -121,7 +121,7 @@ def test_actuators_of_a_robot_and_what_is_left_out(tmp_path: Path) -> None:
     assert entries["servo"] == {"name": "servo", "members": ["a_servo"], "range": [0.1, 0.3]}
     assert entries["pull"]["time_constant"] == 0.05  # of the default class
     np.testing.assert_allclose(entries["pull"]["range"], [0.8 - 5 * 14 / 700, 0.8])
-    assert document["members"]["over"]["nodes"] == ["rod0.rod0_top", "hook", "rod1.rod1_top"]
+    assert document["members"]["over"]["nodes"] == ["rod0.top", "hook", "rod1.top"]
     assert "line" not in document["members"]
     assert "far" not in document["nodes"]
     for note in (
@@ -136,7 +136,7 @@ def test_actuators_of_a_robot_and_what_is_left_out(tmp_path: Path) -> None:
 def test_sensors_are_those_of_points_bodies_and_members(tmp_path: Path) -> None:
     result = load(tmp_path, ROBOT)
     assert result.document["sensors"] == [
-        {"kind": "node_position", "name": "p", "nodes": ["rod0.rod0_in"]},
+        {"kind": "node_position", "name": "p", "nodes": ["rod0.in"]},
         {"kind": "angular_velocity", "name": "g", "bodies": ["rod0"], "noise": 0.01},
         {"kind": "member_length", "name": "l", "members": ["c"]},
         {"kind": "member_tension", "name": "f", "members": ["a_servo"]},
