@@ -138,6 +138,35 @@ def test_exported_bodies_come_back(tmp_path: Path) -> None:
     assert new.ground.friction == old.ground.friction
 
 
+def test_bars_on_an_exported_ground_come_back_as_bars(tmp_path: Path) -> None:
+    ground = {"slope_deg": 10.0, "offset": -0.05, "stiffness": 2e4, "friction": 0.5, "radius": 0.01}
+    document = {
+        "name": "on_ground", "gravity": [0.0, 0.0, -9.81], "ground": ground,
+        "model": {"formulation": "rigid_bar"},
+        "shape": {"kind": "prism", "bottom_radius": 0.2, "height": 0.3},
+        "classes": {
+            "bar": {"kind": "bar", "mass": 0.1},
+            "cable": {"kind": "cable", "spring_constant": 200.0, "rest_length": 0.2},
+        },
+    }  # fmt: skip
+    scene = parse_scene(document)
+    (tmp_path / "scene.toml").write_text(scene.to_toml(), encoding="utf-8")
+    old, request = assemble(scene)
+    write_export("mjcf", ExportSource(tmp_path / "scene.toml", old, request), tmp_path / "model.xml")
+    new = build(read_files([tmp_path / "model.xml"]).document)
+    assert not new.bodies
+    assert new.n_members == old.n_members
+    assert old.ground is not None
+    assert new.ground is not None
+    height = [
+        structure.node_position @ structure.ground.normal - structure.ground.offset - structure.ground.radius
+        for structure in (old, new)
+        if structure.ground is not None
+    ]
+    own = [new.node_name.index(name) for name in old.node_name]
+    np.testing.assert_allclose(height[1][own], height[0], atol=1e-12)
+
+
 def test_rods_points_and_tendons_become_a_scene(tmp_path: Path) -> None:
     result = load(tmp_path, TEXT)
     new = build(result.document)
