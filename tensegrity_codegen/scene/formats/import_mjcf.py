@@ -55,7 +55,7 @@ def import_mjcf(
     tendons = read_tendons(root, defaults, network, places, file)
     ground, balls, notes = read_ground(root, defaults, links, down if gravity is None else gravity)
     used = {end for member in tendons for end in member.ends}
-    acting = [element.get("site", "") for section in root.iterfind("actuator") for element in section]
+    acting = [element.get("site", "") for element in root.iterfind("actuator/*")]
     seen = used | {*acting, *list_sites(root)}
     touching: list[Any] = []
     added = [_add_link(network, link, used, seen, balls.get(link.name, []), touching, file) for link in links]
@@ -63,7 +63,7 @@ def import_mjcf(
     network.members = [*bars, *tendons]
     _couple(network, read_coupled_masses(root, defaults, file), down)
     servos = read_actuators(root, defaults, network, links[0].frames, file)
-    _drop_loose(network)
+    _drop_loose(network, {element.get("tendon", "") for element in root.iterfind("actuator/*")}, file)
     if touching and ground is not None:
         network.ground = {**ground, "contacts": [place for place, _ in touching]}
         radii = {radius for place, radius in touching if isinstance(place, str)}
@@ -81,10 +81,18 @@ def import_mjcf(
     return build_result(network, path, name, gravity)
 
 
-def _drop_loose(network: Network) -> None:
-    """Leave out tendons without stiffness, whose names a note lists, and anchors that nothing joins then."""
+def _drop_loose(network: Network, pulled: set[str], file: str) -> None:
+    """Leave out tendons without stiffness, which a note lists, and anchors that nothing joins then.
+
+    pulled: tendons of actuators. Raises InvalidValueError where these are all that hold the model together.
+    """
     loose = [m for m in network.members if m.values["kind"] != "bar" and "spring_constant" not in m.values]
     network.members = [member for member in network.members if not any(member is other for other in loose)]
+    others = any("spring_constant" in member.values for member in network.members)
+    if not others and (acted := [member.name for member in loose if member.name in pulled]):
+        problem, given = "tendons that have a force and no stiffness are not read", acted[0][:80]
+        hint = "give them the stiffness of the cables; their motors change rest lengths then"
+        raise InvalidValueError(problem, where=f"{file}: tendon", given=given, allowed="stiffness", hint=hint)
     joined = {end for member in network.members for end in member.ends}
     for node in [node for node in network.nodes if network.nodes[node].get("anchored") is True]:
         if node not in joined:

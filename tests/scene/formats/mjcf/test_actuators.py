@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tensegrity_codegen.system.errors import InvalidValueError
 from tests.scene.formats.mjcf.models import ROBOT, load
 
 # The force on a tendon of length 0.7, 2 m/s, in MuJoCo and by the members between its sites.
@@ -131,6 +132,15 @@ def test_actuators_of_a_robot_and_what_is_left_out(tmp_path: Path) -> None:
         "servo, winch, both, free, muscle",
     ):
         assert note in result.notes
+
+
+def test_a_model_that_only_forces_hold_together_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InvalidValueError, match="a force and no stiffness") as caught:
+        load(tmp_path, TWO.format("", TENDONS["loose"], ACTUATORS["motor"]))
+    assert caught.value.given == "t"
+    text = TWO.replace('<site name="x"/>', '<site name="x" pos="0 0 0.1"/>')
+    idle = load(tmp_path, text.format("", TENDONS["loose"], ""))
+    assert list(idle.document["bodies"]) == ["ball"]
 
 
 def test_sensors_are_those_of_points_bodies_and_members(tmp_path: Path) -> None:
