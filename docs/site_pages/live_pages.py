@@ -19,7 +19,7 @@ SOURCES = (ROOT / "tensegrity_codegen", ROOT / "templates")
 # Scenes that begin as stated, out of equilibrium, since their motion is the point; the others begin settled.
 MOVING = (
     *("two_nodes", "icosahedron", "savin_prism", "superball_drop"),
-    *("icosahedron_gait", "icosahedron_roll", "crawling_spine"),
+    *("icosahedron_gait", "icosahedron_roll", "three_rods", "crawling_spine"),
 )
 # Scenes whose shape is found in the page, with the force densities where its sliders begin.
 FORMED = {"cable_net": ("edge=20000", "sagging=3000", "hogging=3000")}

@@ -213,7 +213,7 @@ def find_roll(loss: RollLoss, max_iterations: int) -> FloatArray:
     bounds = dict(zip(loss.problem.keys, pairs, strict=True))
     for loss.has_cost in (False, True):
         design = optimise(loss, bounds=bounds, max_iterations=max_iterations, tolerance=1e-4)
-        loss.problem.start = design.value
+        loss.problem.start = np.clip(design.value, *np.transpose(list(bounds.values())))  # to rounding
     values = np.zeros((len(winches.name), len(KNOTS)))
     values[:, FREE] = design.value.reshape(-1, n_free)
     return values
