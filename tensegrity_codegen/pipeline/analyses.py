@@ -33,6 +33,7 @@ from tensegrity_codegen.structure.memory_support import require_no_lag, require_
 from tensegrity_codegen.structure.sliding import require_no_ring_friction
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import check_choice
+from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.request import AUTO_EVENTS, ModelRequest
 
 ANALYSES_WITH_RING_FRICTION = ("simulate", "simulate_batch", "equilibrium", "equilibria", "linearize")
@@ -198,6 +199,8 @@ def _control(structure: Subject, request: ModelRequest, method: str, rtol: float
     quantities = (*linear, *CONTROL_QUANTITIES)
     if isinstance(structure, BodySystem):
         quantities += ("node_position", "node_velocity", "node_jacobian")
+    elif find_formulation(request.formulation).has_rigid_bars:
+        quantities += ("consistent_coordinate", "consistent_velocity")
     cable = structure.tension_only
     loaded = range(structure.n_nodes)
     parameters = {

@@ -34,6 +34,7 @@ class Ground:
         states of their own: their sum is the change of the total energy.
     stick_point (n_contacts, n_tangents) [m]: where along the tangents each contact sticks: bristles reach
         from there to their nodes, and are no internal states. None: they are.
+    stick_arm (n_contacts, 3) [m]: from the centres of balls on bodies to what sticks, in the bodies' frames.
 
     A ball at x with penetration ``d = offset + radius - normal . x`` feels, with its velocity v relative to
     the belt in the plane and its internal state s, the deflection of a bristle::
@@ -60,6 +61,7 @@ class Ground:
     stick_damping: float
     balances_energy: bool = False
     stick_point: FloatArray | None = None
+    stick_arm: FloatArray | None = None
 
     def __post_init__(self) -> None:
         freeze_fields(self)

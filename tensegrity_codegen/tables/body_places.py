@@ -37,6 +37,11 @@ class BodyPlace:
         if self.point:
             forces[..., list(self.corner), :] += np.array(self.weights).T @ forces[..., list(self.point), :]
 
+    def touch(self, node: int, arm: FloatArray, position: FloatArray) -> FloatArray:
+        """Return the weights of the corners, (4,), at a point and an arm (3,) [m] from it in the world."""
+        own = self.frame(position).T @ arm
+        return np.asarray(np.array(self.weights[self.point.index(node)]) + own @ np.array(self.axes))
+
     def frame(self, vectors: FloatArray) -> FloatArray:
         """Return the combinations of corners for the unit vectors, as columns (..., 3, 3)."""
         return np.swapaxes(np.array(self.axes) @ vectors[..., list(self.corner), :], -1, -2)

@@ -313,7 +313,7 @@ def test_a_motion_that_is_too_fast_is_refused_by_its_cable(run: Run, pinned: Pat
     assert "--duration: the motion is too fast for the actuator" in ended.err
 
 
-def test_a_scene_without_actuators_masses_or_with_rigid_bars_is_refused(
+def test_a_scene_without_actuators_or_masses_is_refused(
     run: Run, folder: Path, lift: Path, pinned: Path
 ) -> None:
     change(pinned, ("[[actuators]]", "[limits]\n[[actuators]]"))
@@ -325,19 +325,25 @@ def test_a_scene_without_actuators_masses_or_with_rigid_bars_is_refused(
     massless.write_text(LIFT.replace("mass = ", "mass = 0  # "), encoding="utf-8")
     ended = run.refused("control", massless)
     assert "mass" in ended.err
+
+
+def test_rigid_bars_are_controlled(run: Run, folder: Path) -> None:
+    """A bar that swings about its anchor by a cord with a winch."""
     rigid = folder / "rigid.toml"
     rigid.write_text(
         'name = "rigid"\naxes = "xz"\n'
         '[classes.bar]\nkind = "bar"\n[classes.cord]\nkind = "cable"\nspring_constant = 100\n'
         "[nodes]\na = { position = [0, 0], anchored = true }\nb = { position = [0, 1], mass = 1 }\n"
-        "c = { position = [1, 1], anchored = true }\n"
+        "c = { position = [1, 1], anchored = true }\nd = { position = [-1, 1], anchored = true }\n"
         '[members]\nab = { class = "bar", nodes = ["a", "b"] }\n'
         'bc = { class = "cord", nodes = ["b", "c"], rest_length = 0.9 }\n'
+        'bd = { class = "cord", nodes = ["b", "d"], rest_length = 0.9 }\n'
         '[[actuators]]\nname = "m"\nmembers = "bc"\n',
         encoding="utf-8",
     )
-    ended = run.refused("control", rigid)
-    assert "give the class of the bars a spring_constant" in ended.err
+    ended = run("control", rigid, "--draws", 1, "--t-end", 2, "--json")
+    ends = {name: loop["end_error"]["largest"] for name, loop in ended.data["loops"].items()}
+    assert ends["true_state"] < 0.7 * ends["open"]
 
 
 @pytest.mark.parametrize(("t_end", "draws"), [(3, 1), *thorough((3, 2))])

@@ -85,15 +85,14 @@ class HeldMotion:
     def choose_request(self, structure: "Subject", request: "ModelRequest") -> "ModelRequest":
         """Return the request for the motion and for feedback about it; raises FormulationError."""
         formulation = find_formulation(request.formulation)
-        in_free_nodes = formulation.in_nodes and not formulation.has_rigid_bars
-        if not (formulation.of_bodies or in_free_nodes):
-            hint = "give the class of the bars a spring_constant and a damping, or state the bars as [bodies]"
+        is_corrected = request.options.get("correction", "none") != "none"
+        if is_corrected or not (formulation.of_bodies or formulation.in_nodes):
             raise FormulationError(
-                "feedback needs coordinates that are independent of each other; those of rigid bars are not",
+                "feedback needs coordinates that are independent of each other, or bars of constant length",
                 where="model.formulation",
                 given=f"formulation {request.formulation!r}",
-                allowed='"node_position" with bars that have a stiffness, or a scene of bodies',
-                hint=hint,
+                allowed='"node_position", "rigid_bar" with correction = "none", or a scene of bodies',
+                hint='formulation = "node_position"',
             )
         analysis = "equilibrium" if self.is_at_rest else "time_motion"
         needs = find_needs(analysis, structure, request).alone(request)

@@ -16,6 +16,7 @@ from tensegrity_codegen.control.feedback.design.linear_samples import (
     check_motion,
     check_still_feet,
     hold_feet,
+    require_no_rigid_bars,
     split_delays,
 )
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import (
@@ -199,6 +200,9 @@ def collect_parts(
             hint="design_mpc(..., least_tension=...)",
         )
     check_same_motion(distribution, motion)
+    if estimator is not None:
+        hint = "measure the state otherwise, or simulate the estimator in Python (simulate_control)"
+        require_no_rigid_bars(described, "an estimator in C", hint)
     if mpc is not None or estimator is not None:
         check_still_feet(described, motion, "a controller that predicts")
     assert described.structure is not None  # find_model_and_request refuses models without

@@ -12,8 +12,8 @@ from tensegrity_codegen.control.feedback.design.linear_samples import (
     build_rest,
     check_motion,
     find_bristles,
+    invert_mass,
     shift_commands,
-    to_dense,
 )
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import (
     MOVED_TO_LIMITS,
@@ -30,6 +30,7 @@ from tensegrity_codegen.control.feedback.loop.sampled_plant import (
     count_samples,
     describe_unknown_delays,
     find_sample,
+    keep_bars,
     read_disturbance,
 )
 from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
@@ -185,6 +186,7 @@ class Filter:
         else:
             self.innovation, self.n_outliers = max(largest, INNOVATION_DECAY * self.innovation), 0
             self.state = self.state + self.estimator.at(time) @ off
+            keep_bars(self.model, self.state[: 2 * self.n])
         return self.state[: 2 * self.n].copy()
 
     def predict(self, span: float, value: FloatArray) -> None:
@@ -193,13 +195,17 @@ class Filter:
         count = max(1, int(np.ceil(self.estimator.substeps * fraction - 1e-9)))
         step, x = span / count, self.state[: 2 * self.n]
         for _ in range(count):
-            mass = to_dense(self.model.compute("mass_matrix", **self._at(x, value)))
-            push = np.asarray(np.linalg.solve(mass, self.disturbance), dtype=np.float64)
+            at = self._at(x, value)
+            push = (
+                invert_mass(self.model, at) @ self.disturbance
+                if self.disturbance.any()
+                else 0.0 * x[: self.n]
+            )
             k1 = self._rate(x, value, push)
             k2 = self._rate(x + 0.5 * step * k1, value, push)
             k3 = self._rate(x + 0.5 * step * k2, value, push)
             k4 = self._rate(x + step * k3, value, push)
-            x = x + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+            x = keep_bars(self.model, x + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4))
         self.state = np.concatenate([x, self.state[2 * self.n :]])
 
     def _rate(self, x: FloatArray, value: FloatArray, push: FloatArray) -> FloatArray:

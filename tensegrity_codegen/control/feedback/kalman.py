@@ -15,6 +15,8 @@ from tensegrity_codegen.control.feedback.design.linear_samples import (
     check_independent,
     check_motion,
     check_still_feet,
+    find_allowed,
+    invert_mass,
     linearise,
     to_dense,
 )
@@ -144,13 +146,14 @@ def design_kalman(
         linearise_estimate(model, reference, now, parameters, sensing, disturbed) for now in time.tolist()
     ]
     spectrum = np.diag(np.concatenate([np.zeros(len(rate_noise)), rate_noise, force_noise[disturbed]]) ** 2)
+    spectra = [_shape_noise(model, reference, now, parameters, spectrum) for now in time.tolist()]
     names = name_moving_states(model.manifest)
     n = len(names) // 2
     names = (*names, *(f"force on {names[k]}" for k in disturbed))
     noise = np.diag(sensing.noise**2)
     # A stationary Riccati equation at each knot, where the sensors show every state.
     gains, covariances, innovations, residuals = [], [], [], []
-    for rate, slope in models:
+    for (rate, slope), spectrum in zip(models, spectra, strict=True):
         a, w = _sample_noise(rate, spectrum, sample)
         hidden = find_unobserved(a, slope)
         if hidden:
@@ -189,13 +192,26 @@ def linearise_estimate(
     point = motion.at(time)
     at = {**given, "coordinate": point.coordinate, "velocity": point.velocity, INPUT: point.input}
     inner = linearise(model, motion, time, (), given)[0]
-    inverse = np.linalg.inv(to_dense(model.compute("mass_matrix", **at)))
+    inverse = invert_mass(model, at)
     n = len(point.coordinate)
     rate = np.zeros((2 * n + len(disturbed), 2 * n + len(disturbed)))
     rate[: 2 * n, : 2 * n], rate[n : 2 * n, 2 * n :] = inner, inverse[:, disturbed]
     slope = np.zeros((len(sensing.noise), len(rate)))
     slope[:, : 2 * n] = sensing.slopes(at)
     return rate, slope
+
+
+def _shape_noise(
+    model: CompiledModel, motion: Motion, time: float, given: Mapping[str, Any], spectrum: FloatArray
+) -> FloatArray:
+    """Return the noise of an estimator's state that rigid bars allow at a time of a motion."""
+    if not model.manifest.rigid_bar:
+        return spectrum
+    point, shaped = motion.at(time), np.eye(len(spectrum))
+    n = 2 * len(point.coordinate)
+    at = {**given, "coordinate": point.coordinate, "velocity": point.velocity}
+    shaped[:n, :n] = find_allowed(model, at)[:n, :n]
+    return np.asarray(shaped @ spectrum @ shaped.T)
 
 
 def _keep_shown_forces(
@@ -298,5 +314,6 @@ def find_usual_forces(model: CompiledModel, motion: Motion, given: Mapping[str, 
     n = motion.coordinate.shape[1]
     at = {**given, "coordinate": motion.coordinate[-1], "velocity": np.zeros(n), INPUT: motion.input[-1]}
     dense = to_dense(model.compute("equilibrium_matrix", **at))
-    lever: FloatArray = np.linalg.norm(dense, axis=1)
-    return float(np.abs(motion.member_tension).max(initial=0.0)) * lever
+    pulls = ~np.isin(model.manifest.member_name, model.manifest.rigid_bar)
+    lever: FloatArray = np.linalg.norm(dense[:, pulls], axis=1)
+    return float(np.abs(motion.member_tension[:, pulls]).max(initial=0.0)) * lever

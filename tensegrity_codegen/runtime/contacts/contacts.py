@@ -106,8 +106,7 @@ class Contacts:
         for c, (node, radius) in enumerate(zip(self.ground.node.tolist(), self.ground.radius, strict=True)):
             if (body := body_of.get(node)) is None or not radius:
                 continue
-            arm = -radius * body.frame(position).T @ self.ground.normal
-            weights = np.array(body.weights[body.point.index(node)]) + arm @ np.array(body.axes)
+            weights = body.touch(node, -radius * self.ground.normal, position)
             self._corners[c] = list(body.corner), weights
             at = (3 * np.array(body.corner)[:, None] + np.arange(3)).ravel()
             spread = np.kron(weights, np.eye(3))

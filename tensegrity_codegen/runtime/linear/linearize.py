@@ -81,7 +81,7 @@ def describe_kinks(kinks: Mapping[str, bool]) -> list[str]:
 
 
 @dataclass(frozen=True)
-class _Variations:
+class Variations:
     """T = [Z 0; W Z] (n_states, n_variations) with Z^T Z = 1, Z^T W = 0: variations T p that can happen.
 
     T moves with the state. With Z' = W (the frame that turns least) and L = [Z^T 0; 0 Z^T], L T = 1, the
@@ -100,6 +100,12 @@ class _Variations:
         moving = scipy.sparse.block_array([[self.along, empty], [self.turning, self.along]])
         return scipy.sparse.csc_array(scipy.sparse.block_diag([moving, self._free]))
 
+    @property
+    def projection(self) -> FloatArray:
+        """Return T L, dense (n_states, n_states), which leaves variations that can happen as they are."""
+        left = scipy.sparse.block_diag([self.along, self.along, self._free]).T
+        return np.asarray((self.basis @ left).toarray())
+
     def reduce(self, state_matrix: Any) -> Any:
         """Return L A T - L T', sparse (n_variations, n_variations), of A (n_states, n_states)."""
         projection = scipy.sparse.csc_array(scipy.sparse.block_diag([self.along, self.along, self._free])).T
@@ -113,7 +119,7 @@ class _Variations:
         return scipy.sparse.eye_array(self.n_internal, format="csc")
 
 
-def _find_variations(model: Model, at: Mapping[str, Any]) -> _Variations | None:
+def find_variations(model: Model, at: Mapping[str, Any]) -> Variations | None:
     """Return the variations of a state x = (q, q') that can happen, None if all can.
 
     Rigid bars allow those with d_b . d(dq) = 0 and d_b . d(dq') + d_b' . d(dq) = 0, where d(.) is the
@@ -124,22 +130,22 @@ def _find_variations(model: Model, at: Mapping[str, Any]) -> _Variations | None:
     if model.has(SPANNING_QUANTITY):
         size, direction = np.linalg.eigh(model.compute(SPANNING_QUANTITY, **at).toarray())
         along = scipy.sparse.csc_array(direction[:, size > RANK_TOLERANCE * size.max()])
-        return _Variations(along, scipy.sparse.csc_array(along.shape))
+        return Variations(along, scipy.sparse.csc_array(along.shape))
     return None
 
 
-def _along_bars(model: Model, at: Mapping[str, Any]) -> _Variations:
+def _along_bars(model: Model, at: Mapping[str, Any]) -> Variations:
     """Return the variations that rigid bars of constant lengths allow."""
     bars = RigidBars(model.manifest, np.zeros(len(model.manifest.rigid_bar)))
     n_internal = _count_internal(model.manifest)
     position = place_nodes(model, at["coordinate"], at.get("anchor_position"))
     along = bars.find_directions(bars.jacobian(position))
     if not np.any(at["velocity"]):
-        return _Variations(along, scipy.sparse.csc_array(along.shape), n_internal)
+        return Variations(along, scipy.sparse.csc_array(along.shape), n_internal)
     rate = bars.rows(bars.vectors(place_velocities(model, at["coordinate"], at["velocity"])))
     rows = bars.rows(bars.vectors(position)).toarray()
     turning = np.linalg.lstsq(rows, -(rate @ along).toarray(), rcond=None)[0]
-    return _Variations(along, scipy.sparse.csc_array(turning), n_internal)
+    return Variations(along, scipy.sparse.csc_array(turning), n_internal)
 
 
 @dataclass(frozen=True, repr=False)
@@ -388,8 +394,8 @@ def linearize(
     if not varies.all():
         a, b = a[varies][:, varies], b[varies]
     rate = np.asarray(model.compute("state_derivative", **at))[varies]
-    # _Variations that cannot happen never move, and would come out as zeros to half the digits.
-    allowed = _find_variations(model, {**at, "coordinate": q, "velocity": v})
+    # Variations that cannot happen never move, and would come out as zeros to half the digits.
+    allowed = find_variations(model, {**at, "coordinate": q, "velocity": v})
     reduced = a if allowed is None else allowed.reduce(a)
     spectrum = find_spectrum(reduced, frequency_count, _count_internal(model.manifest))
     names = tuple(itertools.compress(states, varies))

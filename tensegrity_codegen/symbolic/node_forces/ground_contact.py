@@ -53,7 +53,12 @@ class GroundContact(NodeForce):
             else:
                 basis = ground.tangents(structure.axes)[: len(tangents), list(structure.axes)]
                 stuck = zip(basis, ground.stick_point[k].tolist(), strict=True)
-                bristle = [_along(tangent, at) - stick for tangent, stick in stuck]
+                place = at
+                if ground.stick_arm is not None and node in frames:
+                    body = frames[node].body
+                    local = body.point_local[body.point.index(node)] + ground.stick_arm[k]
+                    place = frames[node].place(local)[0]
+                bristle = [_along(tangent, place) - stick for tangent, stick in stuck]
             slips = arguments.internal.get(f"{self.names[k]}_slips")
             law = put_numbers(ground, arguments.ground)
             slip = rate

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from tensegrity_codegen.control.planning.plan_point import PlanModel, find_actuation
+from tensegrity_codegen.runtime.linear.linearize import find_variations
 from tensegrity_codegen.runtime.model.arguments import INPUT, merge_inputs
 from tensegrity_codegen.runtime.model.arrays import check_shape, to_sized
 from tensegrity_codegen.runtime.model.interface import Described, require_double, require_quantities
@@ -34,21 +35,31 @@ FOUND_STATUSES = ("converged", "rounding_limited")
 SLIPPED = 1e-5  # of the size of a structure: motion of the point where a foot sticks that is reported
 
 
-def find_following(model: Described) -> FloatArray:
-    """Return F (n_internal, n_coordinates): derivatives of bristles by coordinates while contacts stick."""
+def find_following(model: Described, coordinate: FloatArray) -> FloatArray:
+    """Return F (n_internal, n_coordinates): derivatives of bristles by coordinates while contacts stick.
+
+    Balls on bodies roll: their lowest points move with the bodies as they are at `coordinate`.
+    """
     manifest, structure = model.manifest, model.structure
+    n = len(manifest.coordinate_name)
     if not manifest.internal_name:
-        return np.zeros((0, len(manifest.coordinate_name)))
+        return np.zeros((0, n))
     ground: Any = getattr(structure, "ground", None)
-    node, axis = manifest.coordinate_place.T
-    tangents = ground.tangents(tuple(manifest.axes))[:, axis]
-    rows: FloatArray = tangents * (ground.node[:, None, None] == node)
-    return rows.reshape(-1, len(node))
+    row, column, value = manifest.node_motions
+    flat = np.zeros((3 * len(manifest.node_name), n))
+    flat[row, column] = value
+    nodes = flat.reshape(-1, 3, n)
+    moves, position = nodes[ground.node], place_nodes(model, coordinate)  # type: ignore[arg-type]
+    for body in manifest.body_places:
+        for c in np.flatnonzero(np.isin(ground.node, body.point) & (ground.radius > 0)):
+            weights = body.touch(int(ground.node[c]), -ground.radius[c] * ground.normal, position)
+            moves[c] = np.tensordot(weights, nodes[list(body.corner)], 1)
+    return np.asarray(ground.tangents(tuple(manifest.axes)) @ moves).reshape(-1, n)
 
 
 def find_bristles(model: Described, point: MotionPoint, coordinate: FloatArray) -> dict[str, FloatArray]:
     """Return the argument `internal` at coordinates near a point of a motion; {} without friction."""
-    following = find_following(model)
+    following = find_following(model, point.coordinate)
     moved = following @ (coordinate - point.coordinate)
     return {"internal": point.internal + moved} if len(following) else {}
 
@@ -71,21 +82,33 @@ def hold_feet(structure: Subject, model: Described, motion: Motion) -> Subject:
         return structure
     start, ground = motion.at(0.0), getattr(structure, "ground", None)
     assert ground is not None
-    stick_point = find_following(model) @ start.coordinate - start.internal
-    held = replace(ground, stick_point=stick_point.reshape(ground.n_contacts, -1))
+    stick_point = find_following(model, start.coordinate) @ start.coordinate - start.internal
+    position, arm = place_nodes(model, start.coordinate), np.zeros((ground.n_contacts, 3))  # type: ignore[arg-type]
+    for body in model.manifest.body_places:  # balls stick by the points of them that are lowest at the start
+        at = np.isin(ground.node, body.point)
+        arm[at] = -ground.radius[at, None] * (ground.normal @ body.frame(position))
+    rolls = bool(model.manifest.body_places)
+    stick = {"stick_point": stick_point.reshape(ground.n_contacts, -1), "stick_arm": arm if rolls else None}
+    held = replace(ground, **stick)
     changed: Subject = structure.with_changes(ground=held)
     return changed
 
 
 def measure_slip(model: CompiledModel, state: FloatArray) -> tuple[FloatArray | None, str]:
     """Return how far the points have moved where feet stick, and a sentence about feet that did not stay."""
-    following, n = find_following(model), len(model.manifest.coordinate_name)
-    if not len(following):
+    coordinate, bristle = np.split(state, [2 * (n := len(model.manifest.coordinate_name))], axis=1)
+    coordinate = coordinate[:, :n]
+    # Balls roll, so that their lowest points move by other combinations of coordinates from sample to sample.
+    rows = coordinate if model.manifest.body_places else coordinate[:1]
+    following = np.array([find_following(model, q) for q in rows])
+    if not following.size:
         return None, ""
     structure: Any = model.structure
-    depth = np.array([structure.ground.compute_depth(place_nodes(model, q)) for q in state[:, :n]])
-    stuck = state[:, :n] @ following.T - state[:, 2 * n :]
-    moved = np.linalg.norm((stuck - stuck[0]).reshape(*depth.shape, -1), axis=2) * (depth[0] > 0.0)
+    depth = np.array([structure.ground.compute_depth(place_nodes(model, q)) for q in coordinate])
+    middle = (following[:-1] + following[1:]) / 2 if len(following) > 1 else following
+    ways = (middle @ np.diff(coordinate, axis=0)[:, :, None])[:, :, 0] - np.diff(bristle, axis=0)
+    stuck = np.vstack([np.zeros_like(bristle[:1]), np.cumsum(ways, axis=0)])
+    moved = np.linalg.norm(stuck.reshape(*depth.shape, -1), axis=2) * (depth[0] > 0.0)
     smallest = SLIPPED * float(np.ptp(place_nodes(model, state[0, :n]), axis=0).max())
     names, reports = model.manifest.contact_name, []
     for c in np.flatnonzero((moved > smallest).any(axis=0)).tolist():
@@ -178,9 +201,50 @@ def linearise(
     input_matrix = model.compute("input_jacobian", **at).toarray()[:, input_index]
     state_matrix, n = model.compute("state_jacobian", **at).toarray(), len(point.coordinate)
     if with_bristles:
-        return state_matrix, input_matrix
-    state_matrix[:, :n] += state_matrix[:, 2 * n :] @ find_following(model)
-    return state_matrix[: 2 * n, : 2 * n], input_matrix[: 2 * n]
+        return _keep_bars(model, at, state_matrix), input_matrix
+    state_matrix[:, :n] += state_matrix[:, 2 * n :] @ find_following(model, point.coordinate)
+    return _keep_bars(model, at, state_matrix[: 2 * n, : 2 * n]), input_matrix[: 2 * n]
+
+
+def find_allowed(model: CompiledModel, at: Mapping[str, Any]) -> FloatArray:
+    """Return the projection of states (n_states, n_states) onto variations that rigid bars allow."""
+    found = find_variations(model, at) if model.manifest.rigid_bar else None
+    return np.eye(2 * len(at["coordinate"])) if found is None else found.projection
+
+
+def invert_mass(model: CompiledModel, at: Mapping[str, Any]) -> FloatArray:
+    """Return the accelerations by forces on each coordinate, (n, n), where rigid bars keep their lengths."""
+    mass = to_dense(model.compute("mass_matrix", **at))
+    if not model.manifest.rigid_bar:
+        return np.asarray(np.linalg.inv(mass))
+    along = find_variations(model, at).along.toarray()  # type: ignore[union-attr]
+    return np.asarray(along @ np.linalg.solve(along.T @ mass @ along, along.T))
+
+
+def require_no_rigid_bars(model: Described, what: str, hint: str) -> None:
+    """Raise FormulationError for rigid bars or bodies; what: names what does not know them."""
+    if model.manifest.rigid_bar:
+        raise FormulationError(
+            f"rigid bars and bodies are not supported here: {what}",
+            where=model.manifest.name,
+            given=f"{len(model.manifest.rigid_bar)} bars of constant length, those of bodies included",
+            allowed='"node_position" with bars that have a stiffness',
+            hint=hint,
+        )
+
+
+def _keep_bars(model: CompiledModel, at: Mapping[str, Any], state_matrix: FloatArray) -> FloatArray:
+    """Return a state matrix in which what rigid bars do not allow decays as fast as the fastest motion.
+
+    Variations T p of coordinates that rigid bars allow stay such variations, so that gains, estimates and
+    predictions are those over p, written for all coordinates.
+    """
+    if not model.manifest.rigid_bar:
+        return state_matrix
+    allowed = find_allowed(model, at)[: len(state_matrix), : len(state_matrix)]
+    moving = state_matrix @ allowed
+    fastest = float(np.abs(np.linalg.eigvals(moving)).max(initial=0.0))
+    return np.asarray(moving - (fastest or 1.0) * (np.eye(len(moving)) - allowed))
 
 
 def build_sample_time(motion: Motion, sample: float) -> FloatArray:
@@ -213,14 +277,14 @@ def check_independent(model: Described) -> None:
             allowed="a [ground] at rest with one coefficient of friction, no stiffness in [interference]",
             hint="design the feedback without them, and simulate with them",
         )
-    formulation = find_formulation(model.manifest.formulation)
-    in_nodes = formulation.in_nodes and not formulation.has_rigid_bars
+    formulation, manifest = find_formulation(model.manifest.formulation), model.manifest
+    in_nodes = formulation.in_nodes and (bool(manifest.rigid_bar) or not formulation.has_rigid_bars)
     if not (formulation.of_bodies or in_nodes):
         raise FormulationError(
-            "feedback needs coordinates that are independent of each other",
+            "feedback needs coordinates that are independent of each other, or bars of constant length",
             where=model.manifest.name,
             given=f"formulation {model.manifest.formulation!r}",
-            allowed='"bodies" or "node_position"',
+            allowed='"node_position", "rigid_bar" with correction = "none", or "bodies"',
             hint="state the bars as [bodies], or give them a stiffness",
         )
 

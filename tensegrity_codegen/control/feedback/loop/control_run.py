@@ -235,6 +235,8 @@ def find_displacement(model: CompiledModel, run: ControlRun, since: float = 0.0)
         moved = np.zeros((len(error), len(model.manifest.node_name), 3))
         node, axis = model.manifest.coordinate_place.T
         moved[:, node, axis] = error
+        for body in model.manifest.body_places:
+            body.attach(moved)
         return np.asarray(np.linalg.norm(moved, axis=2))
     pairs = zip(coordinate, error, strict=True)
     away = [np.linalg.norm(place_nodes(model, q) - place_nodes(model, q - e), axis=1) for q, e in pairs]

@@ -30,6 +30,7 @@ from tensegrity_codegen.tables.manifest import Manifest
 NODE_LOAD = "node_load"
 RTOL, ATOL = 1e-9, 1e-11
 MAX_STEPS = 100_000  # of one interval
+MAX_CORRECTIONS = 4  # of lengths of rigid bars, each of which squares their error
 ENDINGS = ("non_finite_result", "step_too_small", "too_many_events")
 
 SAMPLE = 0.005  # [s], if no gains state another
@@ -330,12 +331,12 @@ def read_disturbance(
     check_arguments(model.manifest, arguments)
     if model.manifest.internal_name:
         arguments["internal"] = motion.at(0.0).internal
-    start = _build_state(motion, stated)
+    start = _build_state(model, motion, stated)
     return LoopStart(start, arguments, bind_gust(model, stated.gust, arguments.get(NODE_LOAD)), seed)
 
 
-def _build_state(motion: Motion, stated: Disturbance) -> FloatArray:
-    """Return the state of the motion at its start, with errors."""
+def _build_state(model: CompiledModel, motion: Motion, stated: Disturbance) -> FloatArray:
+    """Return the state of the motion at its start, with errors that rigid bars allow."""
     point = motion.at(0.0)
     state = np.concatenate([point.coordinate, point.velocity])
     n = len(point.coordinate)
@@ -345,4 +346,14 @@ def _build_state(motion: Motion, stated: Disturbance) -> FloatArray:
             error = to_sized(value, (n,), name).ravel()
             check_finite(error, name)
             state[start : start + n] += error
+    return keep_bars(model, state)
+
+
+def keep_bars(model: CompiledModel, state: FloatArray) -> FloatArray:
+    """Move a state (q, q') to the nearest one in which rigid bars have their lengths, and return it."""
+    n = len(state) // 2
+    for name, part in (("coordinate", slice(0, n)), ("velocity", slice(n, 2 * n))):
+        for _ in range(MAX_CORRECTIONS if model.manifest.rigid_bar else 0):
+            at = {"coordinate": state[:n], "velocity": state[n:]}
+            state[part] = model.compute(f"consistent_{name}", **at)
     return state

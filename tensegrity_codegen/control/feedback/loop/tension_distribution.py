@@ -7,7 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.control.feedback.design.linear_samples import check_motion, to_dense
+from tensegrity_codegen.control.feedback.design.linear_samples import (
+    check_motion,
+    require_no_rigid_bars,
+    to_dense,
+)
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBounds, find_bounds
 from tensegrity_codegen.control.planning.quadratic_program import find_nearest, require_solver
 from tensegrity_codegen.runtime.model.arguments import merge_inputs
@@ -438,6 +442,7 @@ def design_distribution(
     require_solver()
     check_motion(model, motion)
     require_quantities(model, QUANTITIES, "a distribution of tensions needs")
+    require_no_rigid_bars(model, "a distribution of tensions", "keep least tensions by design_mpc")
     bounds = find_bounds(model, motion)
     structure = model.structure
     assert structure is not None  # find_bounds refuses models without

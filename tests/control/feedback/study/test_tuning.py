@@ -93,11 +93,13 @@ def test_values_out_of_range_are_refused(
     assert caught.value.where == name
 
 
-def test_coordinates_that_depend_on_each_other_are_refused(tmp_path: Path, motion: Motion) -> None:
+def test_bars_whose_length_follows_their_tension_are_refused(tmp_path: Path, motion: Motion) -> None:
     path = tmp_path / "rigid.toml"
     path.write_text(
         'name = "rigid"\naxes = "xz"\n'
-        '[classes.bar]\nkind = "bar"\n[classes.cord]\nkind = "cable"\nspring_constant = 100\n'
+        '[model]\nformulation = "rigid_bar"\noptions = { bars = "all", correction = "first_order" }\n'
+        '[classes.bar]\nkind = "bar"\nspring_constant = 1e6\n'
+        '[classes.cord]\nkind = "cable"\nspring_constant = 100\n'
         "[nodes]\na = { position = [0, 0], anchored = true }\nb = { position = [0, 1], mass = 1 }\n"
         "c = { position = [1, 1], anchored = true }\n"
         '[members]\nab = { class = "bar", nodes = ["a", "b"] }\n'
