@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tensegrity_codegen import load_scene
 from tests.cli.conftest import Run
 from tests.cli.scenes import HANGING, write
 
@@ -72,3 +73,51 @@ def test_a_mechanism_ends_with_code_three_and_its_nodes(run: Run, folder: Path) 
     assert ended.code == 3
     assert ended.data["error"] == "SingularStiffnessError"
     assert list(ended.data["evidence"]["motion"]) == ["b"]
+
+
+# A plate on six springs, as a Stewart platform.
+PLATE = """
+name = "plate"
+[bodies.plate]
+kind = "rigid"
+mass = 1.0
+inertia = [0.01, 0.01, 0.02]
+centre = [0, 0, 0.3]
+points = { a = [0.1, 0, 0], b = [-0.05, 0.09, 0], c = [-0.05, -0.09, 0] }
+[nodes]
+p = { position = [0.15, 0.26, 0], anchored = true }
+q = { position = [-0.3, 0, 0], anchored = true }
+r = { position = [0.15, -0.26, 0], anchored = true }
+[classes.spring]
+kind = "bar"
+spring_constant = 1000.0
+[members]
+ap = { class = "spring", nodes = ["plate.a", "p"] }
+ar = { class = "spring", nodes = ["plate.a", "r"] }
+bp = { class = "spring", nodes = ["plate.b", "p"] }
+bq = { class = "spring", nodes = ["plate.b", "q"] }
+cq = { class = "spring", nodes = ["plate.c", "q"] }
+cr = { class = "spring", nodes = ["plate.c", "r"] }
+"""
+
+
+def test_rest_lengths_within_bodies_are_no_columns(run: Run, folder: Path) -> None:
+    path = write(folder / "plate.toml", PLATE)
+    ended, data = run.good("sensitivity", path), run("sensitivity", path, "--node", "plate_a", "--json").data
+    assert "corner" not in ended.out
+    assert "edge" not in ended.out
+    assert set(data["columns"]) == {"ap", "ar", "bp", "bq", "cq", "cr"}
+    # The six lengths alone tell where the plate is.
+    structure = load_scene(path)[0]
+    ends = structure.node_position[structure.connectivity[:6]]
+    unit = (ends[:, 0] - ends[:, 1]) / np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)[:, None]
+    rows = np.hstack([unit, np.cross(ends[:, 0] - [0, 0, 0.3], unit)])
+    motion = np.linalg.solve(rows, np.eye(6)[0])
+    expected = motion[:3] + np.cross(motion[3:], [0.1, 0, 0])
+    found = [data["nodes"]["plate_a"][axis].get("ap", 0.0) for axis in "xyz"]
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+    loose = PLATE.replace('cr = { class = "spring", nodes = ["plate.c", "r"] }\n', "")
+    refused = run("sensitivity", write(folder / "loose.toml", loose))
+    assert refused.code == 3
+    assert "plate_" in refused.err
+    assert "corner" not in refused.err

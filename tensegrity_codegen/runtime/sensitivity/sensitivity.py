@@ -35,6 +35,7 @@ from tensegrity_codegen.system.errors import (
     check_choice,
 )
 from tensegrity_codegen.system.summaries import Summarised
+from tensegrity_codegen.tables.body_places import EDGES, find_shown, label_nodes
 
 Columns = Sequence[str] | Mapping[str, Sequence[str]]
 REST_LENGTH_TOLERANCE = 1e-9  # extension over length up to which a cable may go slack or taut
@@ -76,6 +77,8 @@ class Sensitivity(Summarised):
         What one iterative refinement changed, as part of the largest dq/drho.
     residual, largest_force : float
         Largest node residual and member force of the equilibrium [N].
+    n_bodies : int
+        Number of rigid bodies, whose corners and edges are the last nodes and members.
     """
 
     coordinate: FloatArray
@@ -93,6 +96,7 @@ class Sensitivity(Summarised):
     rounding: float
     residual: float
     largest_force: float
+    n_bodies: int = 0
 
     def rank_for_node(self, node: str, axis: str = "z", most: int = 5) -> list[tuple[str, float]]:
         """Return the columns that move a node most along an axis.
@@ -170,9 +174,10 @@ class Sensitivity(Summarised):
 def select_columns(model: Model, columns: Columns | None) -> tuple[tuple[str, ...], Any]:
     """Return names of columns, and the gain of each on the rest lengths (n_members, n_columns)."""
     member_name = model.manifest.member_name
-    if columns is None:
-        return tuple(member_name), scipy.sparse.eye_array(len(member_name), format="csc")
-    names = check_names(columns, "columns")
+    count = len(member_name) - EDGES * len(model.manifest.body_places)
+    if columns is None and count:
+        return tuple(member_name[:count]), scipy.sparse.eye_array(len(member_name), count, format="csc")
+    names = check_names(columns or (), "columns")
     if not names:
         raise InvalidValueError(
             "no columns are chosen", where="columns", given=columns, allowed="one or more members or inputs",
@@ -382,6 +387,7 @@ def _solve(
         rounding=refinement_change,
         residual=point.node_force,
         largest_force=point.largest_force,
+        n_bodies=len(manifest.body_places),
     )
 
 
@@ -412,10 +418,11 @@ def _describe_unresisted_motion(
 ) -> SingularStiffnessError:
     """Return the error of a motion without resistance, with the nodes that move most in it."""
     node_velocity = find_node_velocities(problem, point, direction[:, None])[:, :, 0]
-    speed = np.linalg.norm(node_velocity, axis=1)
+    bodies = problem.model.manifest.body_places
+    speed = np.where(find_shown(len(node_velocity), bodies), np.linalg.norm(node_velocity, axis=1), 0.0)
     fastest = np.argsort(-speed, kind="stable")[:MAX_NAMED_NODES]
     largest_speed = speed.max(initial=0.0) or 1.0
-    names = problem.model.manifest.node_name
+    names = label_nodes(problem.model.manifest.node_name, bodies)
     motion = {
         names[k]: [round(float(v), 6) + 0.0 for v in node_velocity[k] / largest_speed]
         for k in fastest
