@@ -30,7 +30,8 @@ OF_MEMBERS = ("rest_length", "spring_constant", "axial_stiffness", "damping")
 def all_parameters(structure: Structure) -> dict[str, tuple[int, ...]]:
     """Every parameter over all nodes or members."""
     nodes, members = tuple(range(structure.n_nodes)), tuple(range(structure.n_members))
-    found = {name: members if name in OF_MEMBERS else nodes for name in PARAMETERS if name != "ground"}
+    others = ("ground", "body_mass", "body_inertia")  # of what these structures do not have
+    found = {name: members if name in OF_MEMBERS else nodes for name in PARAMETERS if name not in others}
     return {**found, "gravity": ()}
 
 
