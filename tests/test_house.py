@@ -220,7 +220,7 @@ MAX_LINES = {
     "analyses": 5_550,
     "cli": 5_350,  # bodies in `check`
     "codegen": 11_050,
-    "control": 13_650,
+    "control": 13_710,
     "export": 3_300,  # bodies
     "live": 1_300,
     "pipeline": 3_750,

@@ -158,7 +158,11 @@ class _Run:
         self.schedules: list[Profile] = []
         self.facet: list[Facet] = []
         self.work, self.tries = np.zeros(2), 0
-        self.move(None, {"coordinate": coordinate})
+        at_rest = {
+            "coordinate": coordinate,
+            "velocity": None if coordinate is None else np.zeros(np.shape(coordinate)),
+        }
+        self.move(None, at_rest)
         self.start = gait.winches.find_centre(self.motions[0])[-1]
 
     def move(self, values: FloatArray | None, start: Mapping[str, Any] | None = None) -> None:
@@ -290,7 +294,8 @@ def design_gait(scene: SceneLike, *, max_iterations: int = 100) -> Gait:
             if any(gait.facets.find_symmetry(old, step) is not None for old in (*rolls, *failed)):
                 continue
             goal = (winches.share @ gait.facets.turn_over(motion.node_position[-1], step))[:2]
-            loss = RollLoss(scene, winches, goal, {"coordinate": motion.coordinate[-1]})
+            start = {"coordinate": motion.coordinate[-1], "velocity": np.zeros_like(motion.velocity[-1])}
+            loss = RollLoss(scene, winches, goal, start)
             values = find_roll(loss, max_iterations)
             ahead = _Run(gait, {}, motion.coordinate[-1])
             ahead.move(values)
