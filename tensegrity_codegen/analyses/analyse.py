@@ -210,12 +210,13 @@ class AnalyseResult(Result):
         if name == "page":
             from tensegrity_codegen.report.analysis_page import build_analysis_page
             from tensegrity_codegen.report.pages.page import write_page
-            from tensegrity_codegen.structure.outline import outline_bodies
+            from tensegrity_codegen.structure.outline import hide_bodies, outline_bodies, outline_tendons
             from tensegrity_codegen.system.progress import work_pass
 
             with work_pass("drawing"):
                 drawn, command = outline_bodies(subject), self.case.command
-                page = build_analysis_page(self.analysis, drawn, subject.member_name, command)
+                shown = hide_bodies(outline_tendons(subject)).member_name
+                page = build_analysis_page(self.analysis, drawn, shown, command)
                 write_page(page, path, overwrite=overwrite)
             return True
         return self._write_prestressed(path, overwrite)

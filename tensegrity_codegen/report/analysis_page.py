@@ -26,6 +26,7 @@ from tensegrity_codegen.report.pages.page import (
 )
 from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
 from tensegrity_codegen.report.pages.picture import draw_motion, draw_picture, draw_tensions
+from tensegrity_codegen.report.pictures.draw import pad_tension
 from tensegrity_codegen.runtime.analysis.analyse import Analysis
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS
@@ -71,7 +72,10 @@ def build_analysis_page(
         *([command_section(command)] if command else []),
     )
     counts = ", ".join(
-        (describe_count(len(structure.node_name), "node"), describe_count(len(member_name), "member"))
+        (
+            describe_count(int((~structure.is_corner).sum()), "node"),
+            describe_count(len(member_name), "member"),
+        )
     )
     return Page(
         subject=f"Analysis of {structure.name}",
@@ -115,10 +119,7 @@ def _prestress(analysis: Analysis, structure: Structure) -> Section:
         text, tension = "no prestress exists; the present tensions are shown", analysis.member_tension
     unit = "member tension / largest force" if tension is selfstress.tension else "member tension [N]"
     # Tensions of all that is drawn; those of the edges of bodies are unknown
-    omitted = structure.n_members - len(tension)
-    picture = draw_tensions(
-        structure, analysis.node_position, np.pad(tension, (0, omitted), constant_values=np.nan), unit
-    )
+    picture = draw_tensions(structure, analysis.node_position, pad_tension(tension, structure), unit)
     figure = Figure(
         draw_picture(picture, "prestress"),
         as_sentence(text),
@@ -140,6 +141,7 @@ def _proof(analysis: Analysis, structure: Structure, member_name: tuple[str, ...
     rows = tuple(
         (text_cell(name), *(number_cell(float(motion[n, axis]), "+.6f") for axis in axes))
         for n, name in enumerate(structure.node_name)
+        if not structure.is_corner[n]
     )
     moved = Table("Displacements d of the nodes, for a largest shortening of 1", columns, rows)
     lengths = tabulate_elongation(proof, member_name, "+.6f")
@@ -238,7 +240,9 @@ def _members(analysis: Analysis, member_name: tuple[str, ...]) -> Section:
     if members.worst is not None:
         member, limit, use = members.worst
         text = f"nearest to a limit: {member}, {LIMIT_NAMES[limit]}, {100 * use:.3g} % used"
-    uses = np.array([members.use[name] for name in limited]).reshape(len(limited), len(member_name))
+    uses = np.array([members.use[name][: len(member_name)] for name in limited]).reshape(
+        len(limited), len(member_name)
+    )
     order = np.argsort(-np.nan_to_num(uses, nan=0.0).max(axis=0, initial=0.0), kind="stable")
     head = tuple(order[:8].tolist()) if limited else ()
     note = "the nearest to a limit" if limited else ""

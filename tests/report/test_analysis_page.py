@@ -5,14 +5,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tensegrity_codegen import compile_scene
 from tensegrity_codegen.report.analysis_page import build_analysis_page
 from tensegrity_codegen.report.pages.page import Figure, Page, render_page
 from tensegrity_codegen.report.pages.page_table import Table
 from tensegrity_codegen.runtime.analysis.analyse import analyse
+from tensegrity_codegen.structure.structure import Structure
 from tests.cases import thorough
 from tests.reference import ReferenceModel
 from tests.report.page_checks import check_in_browser, in_browser
 from tests.report.page_html import check_static
+from tests.rigid_scenes import HANGING as RODS
 from tests.runtime.build import bar, cable, make_structure, prism
 
 pytest.importorskip("matplotlib")
@@ -92,3 +95,15 @@ def test_in_a_browser(request: pytest.FixtureRequest, tmp_path: Path, name: str)
     path = tmp_path / "page.html"
     path.write_text(render_page(request.getfixturevalue(name)), encoding="utf-8")
     check_in_browser(path, [])
+
+
+def test_corners_and_edges_of_bodies_are_not_on_the_page() -> None:
+    members = {**RODS["members"], "stay": {**RODS["members"]["tie"], "nodes": ["hook", "block.eye"]}}
+    model = compile_scene({**RODS, "members": members}, for_="analyse")
+    structure = model.structure
+    assert isinstance(structure, Structure)
+    page = build_analysis_page(analyse(model), structure, ("line", "tie", "stay"))
+    text = render_page(page)
+    assert "4 nodes, 3 members" in text
+    assert "rod_corner" not in text
+    assert "rod_edge" not in text

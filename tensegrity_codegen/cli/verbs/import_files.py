@@ -86,6 +86,7 @@ def import_foreign(
         from tensegrity_codegen.scene.read import parse_scene
         from tensegrity_codegen.scene.subject import assemble_scene
         from tensegrity_codegen.scene.write import write_scene
+        from tensegrity_codegen.structure.outline import hide_bodies, outline_tendons
         from tensegrity_codegen.system.summaries import describe_count
 
         check_ending(out, ".toml")
@@ -106,11 +107,12 @@ def import_foreign(
         output.warn(*notes)
         if name is None and structure.name != out.stem:
             output.note(_describe_name(structure.name, out.stem))
-        data = {"n_nodes": structure.n_nodes, "n_members": structure.n_members, "notes": notes}
+        shown = hide_bodies(outline_tendons(structure))
+        data = {"n_nodes": shown.n_nodes, "n_members": shown.n_members, "notes": notes}
         output.result(
             {"status": "ok", "out": str(out)} | data,
-            f"wrote {out}: {describe_count(structure.n_nodes, 'node')}, "
-            f"{describe_count(structure.n_members, 'member')}",
+            f"wrote {out}: {describe_count(shown.n_nodes, 'node')}, "
+            f"{describe_count(shown.n_members, 'member')}",
             f"next: tensegrity-codegen check {quote(str(out))}",
         )
 

@@ -69,8 +69,12 @@ class BodyParts:
 
     @classmethod
     def none(cls, structure: Structure) -> "BodyParts":
-        """Return the parts of a structure of nodes and members."""
-        return cls(np.zeros(structure.n_members, dtype=bool), np.zeros((0, 3), dtype=np.int64))
+        """Return the parts of a structure of nodes and members, with those of rigid bodies beside them."""
+        return (
+            cls.of(structure)
+            if structure.bodies
+            else cls(np.zeros(structure.n_members, dtype=bool), np.zeros((0, 3), dtype=np.int64))
+        )
 
     @classmethod
     def of(cls, subject: Structure | BodySystem) -> "BodyParts":
