@@ -47,6 +47,16 @@ class BodyPlace:
         return np.swapaxes(np.array(self.axes) @ vectors[..., list(self.corner), :], -1, -2)
 
 
+def show_nodes(names: Sequence[str], bodies: Sequence[BodyPlace]) -> Sequence[str]:
+    """Return the names of nodes without corners."""
+    return names[: len(names) - CORNERS * len(bodies)]
+
+
+def show_members(names: Sequence[str], bodies: Sequence[BodyPlace]) -> Sequence[str]:
+    """Return the names of members without edges."""
+    return names[: len(names) - EDGES * len(bodies)]
+
+
 def label_nodes(names: Sequence[str], bodies: Sequence[BodyPlace]) -> tuple[str, ...]:
     """Return the names of nodes for texts: a corner goes by the name of its body."""
     body = {node: entry.name for entry in bodies for node in entry.corner}

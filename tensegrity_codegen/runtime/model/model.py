@@ -17,6 +17,7 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.checks import check_instance, check_path
 from tensegrity_codegen.system.errors import InvalidValueError, LibraryError, UnknownNameError, suggest
 from tensegrity_codegen.system.summaries import Fact, Summarised, count_names
+from tensegrity_codegen.tables.body_places import show_members, show_nodes
 from tensegrity_codegen.tables.manifest import STATUS, ArgumentSpec, FunctionSpec, Manifest
 from tensegrity_codegen.tables.precision import find_precision
 from tensegrity_codegen.tables.quantities import STATE
@@ -243,9 +244,12 @@ class CompiledModel(Summarised):
             argument.name for argument in manifest.solvers
         ]
         inputs = count_names(manifest.input_name)
+        bodies = [body.name for body in manifest.body_places]
+        named = [("bodies", count_names(bodies))] if bodies else []
         return [
-            ("nodes", count_names(manifest.node_name)),
-            ("members", count_names(manifest.member_name)),
+            ("nodes", count_names(show_nodes(manifest.node_name, manifest.body_places))),
+            ("members", count_names(show_members(manifest.member_name, manifest.body_places))),
+            *named,
             ("coordinates", f"{len(manifest.coordinate_name)}; inputs: {inputs}"),
             ("quantities", ", ".join(self.quantities)),
             ("integrators and solvers", ", ".join(runs) or "none"),

@@ -224,9 +224,11 @@ class Equilibrium(ByName, Summarised):
         """Return tensions, residual, stability and motion, for `repr` and notebooks."""
         residual, largest = describe_number(self.residual, "N"), describe_number(self.largest_force, "N")
         node = f" at {self.displaced_node}" if self.displaced_node else ""
-        members = describe_count(len(self.member_tension), "member")
+        tension = self.member_tension
+        if isinstance(self.structure, Structure):
+            tension = tension[~self.structure.is_edge]
         return [
-            ("tension", f"{describe_range(self.member_tension, 'N')} in {members}"),
+            ("tension", f"{describe_range(tension, 'N')} in {describe_count(len(tension), 'member')}"),
             *[("segments", segment.describe()) for segment in self.worst_segments],
             ("residual", f"{residual}, largest member force {largest}"),
             ("smallest eigenvalue", describe_number(self.smallest_eigenvalue, "N/m")),

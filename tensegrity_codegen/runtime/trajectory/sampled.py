@@ -27,11 +27,11 @@ from tensegrity_codegen.system.summaries import (
     find_row,
 )
 from tensegrity_codegen.tables.body_places import (
-    CORNERS,
-    EDGES,
     BodyPlace,
     compute_spins,
     place_bodies,
+    show_members,
+    show_nodes,
 )
 
 STATE = ("coordinate", "velocity")
@@ -112,15 +112,14 @@ class Sampled(ByName, Summarised):
 
     def facts(self) -> list[Fact]:
         """Return samples, sizes and ranges, for `repr` and notebooks."""
-        n_bodies = len(self.bodies)
-        n_members = len(self.member_name) - EDGES * n_bodies
-        named = [("bodies", count_names(self.body_name))] if n_bodies else []
+        members = show_members(self.member_name, self.bodies)
+        named = [("bodies", count_names(self.body_name))] if self.bodies else []
         return [
             ("samples", f"{len(self.time)}, t = {describe_range(self.time, 's')}"),
-            ("nodes", count_names(self.node_name[: len(self.node_name) - CORNERS * n_bodies])),
-            ("members", count_names(self.member_name[:n_members])),
+            ("nodes", count_names(show_nodes(self.node_name, self.bodies))),
+            ("members", count_names(members)),
             *named,
-            ("tension", describe_range(self.member_tension[..., :n_members], "N")),
+            ("tension", describe_range(self.member_tension[..., : len(members)], "N")),
             ("kinetic energy", describe_range(self.kinetic_energy, "J")),
             ("method", self.method),
         ]
@@ -135,9 +134,9 @@ class Sampled(ByName, Summarised):
         """
         names, place = self.node_name, self.node_position
         if self.body_position is not None:  # in place of corners
-            count = len(names) - CORNERS * len(self.bodies)
-            names = (*names[:count], *self.body_name)
-            place = np.concatenate([place[..., :count, :], self.body_position], axis=-2)
+            shown = show_nodes(names, self.bodies)
+            names = (*shown, *self.body_name)
+            place = np.concatenate([place[..., : len(shown), :], self.body_position], axis=-2)
         with np.errstate(all="ignore"):  # of motions that blow up
             moved = np.linalg.norm(place - place[..., :1, :, :], axis=-1)
         moved = np.where(np.isfinite(moved), moved, 0.0)

@@ -46,9 +46,9 @@ def test_a_motion_has_the_places_of_bodies(motion: Trajectory) -> None:
     np.testing.assert_allclose(rate, np.cross(world, arm), atol=1e-12)
 
 
-def test_texts_do_not_show_what_carries_bodies(motion: Trajectory) -> None:
+def test_texts_do_not_show_what_carries_bodies(model: CompiledModel, motion: Trajectory) -> None:
     assert motion.structure is not None
-    for text in (repr(motion), repr(motion.structure)):
+    for text in (repr(model), repr(motion), repr(motion.structure)):
         assert "bodies: 2 (rod, block)" in text
         assert "4 (hook, rod_top, rod_foot, block_eye)" in text
         assert "2 (line, tie)" in text
