@@ -24,7 +24,7 @@ class Foot:
     node: str  # its name
     first_touch: float  # [s]
     touches: int  # how often it touched, that at the start included
-    slide: float  # [m], its way along the ground between samples at which it touched
+    slide: float  # [m], way of its lowest point along the ground between samples at which it touched
     largest_force: float  # [N], normal
     largest_use: float  # largest friction over friction that is possible, F / (mu N); 0 without friction
     penetration: float  # [m], the largest
@@ -46,14 +46,20 @@ class ContactSamples:
     friction: FloatArray | None = None  # coefficients (n_t,), None: that of the ground
 
 
-def find_feet(samples: ContactSamples, ground: Ground, log: EventLog) -> tuple[Foot, ...]:
-    """Return the contacts that touched, by events or else samples, those with the largest force first."""
+def find_feet(
+    samples: ContactSamples, ground: Ground, log: EventLog, turning: FloatArray
+) -> tuple[Foot, ...]:
+    """Return the contacts that touched, by events or else samples, those with the largest force first.
+
+    turning (n_t, n_contacts, 3) [m/s]: velocity of the lowest point of each ball relative to its centre.
+    """
     # Forces, their use of friction, and ways along the ground relative to a belt.
     normal = samples.force @ ground.normal
     tangential = np.linalg.norm(samples.force - normal[..., None] * ground.normal, axis=2)
     limit = (ground.friction if samples.friction is None else samples.friction[:, None]) * normal
     use = np.divide(tangential, limit, out=np.zeros_like(limit), where=limit > 0)
-    moved = np.diff(samples.position, axis=0) - np.diff(samples.time)[:, None, None] * ground.velocity
+    mean = (turning[1:] + turning[:-1]) / 2.0 - ground.velocity
+    moved = np.diff(samples.position, axis=0) + np.diff(samples.time)[:, None, None] * mean
     along = np.linalg.norm(moved - (moved @ ground.normal)[..., None] * ground.normal, axis=2)
     closed = samples.penetration > 0
     slide = np.where(closed[1:] & closed[:-1], along, 0.0).sum(axis=0)
@@ -195,7 +201,17 @@ class Trajectory(Sampled):
         ground = None if self.structure is None else self.structure.ground
         if self.contacts is None or ground is None:
             return ()
-        return find_feet(self.contacts, ground, self.log)
+        turning, axes, spin = (
+            np.zeros_like(self.contacts.position),
+            self.body_axes,
+            self.body_angular_velocity,
+        )
+        for k, body in enumerate(self.bodies):
+            if axes is not None and spin is not None:
+                rows = np.flatnonzero(np.isin(ground.node, body.point))
+                rate = np.cross(np.einsum("tij,tj->ti", axes[:, k], spin[:, k]), -ground.normal)
+                turning[:, rows] = ground.radius[rows, None] * rate[:, None]
+        return find_feet(self.contacts, ground, self.log, turning)
 
     @property
     def work(self) -> dict[str, float]:

@@ -205,7 +205,7 @@ def warn_of_ground(subject: Subject) -> list[str]:
     if lying:
         sentences.append(
             f"bars lie on the ground with both ends: {name_list(lying)}; bars have no spin, so that they "
-            "slide where a round bar would roll"
+            "slide where a round bar would roll; bodies of kind rigid roll"
         )
     return sentences
 

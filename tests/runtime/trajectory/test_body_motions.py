@@ -89,3 +89,28 @@ def test_a_batch_has_them_of_every_motion(model: CompiledModel, motion: Trajecto
     assert batch.body_position.shape == (2, 5, 2, 3)
     np.testing.assert_allclose(batch[1].body_position, motion.body_position, atol=1e-6)
     assert batch[1].body_name == ("rod", "block")
+
+
+def test_a_ball_that_rolls_does_not_slide() -> None:
+    ball = {"kind": "rigid", "mass": 1.0, "inertia": [0.004, 0.004, 0.004], "position": [0, 0, 0.1]}
+    ground = {"normal": [np.sin(0.2), 0, np.cos(0.2)], "stiffness": 1e5, "friction": 0.5}
+    ground |= {
+        "stick_stiffness": 1e5,
+        "stick_damping": 300,
+        "dissipation": 0.3,
+        "offset": 0.1 * np.cos(0.2) - 0.0999,
+    }
+    points = {"c": {"position": [0, 0, 0], "radius": 0.1}}
+    scene = {
+        "name": "ball",
+        "gravity": [0, 0, -9.81],
+        "bodies": {"ball": ball | {"points": points}},
+        "ground": ground,
+    }
+    for friction, rolls in ((0.5, True), (0.02, False)):
+        model = compile_scene({**scene, "ground": ground | {"friction": friction}}, for_="simulate")
+        motion = simulate(model, t_end=0.5, samples=101)
+        way = float(np.linalg.norm(motion.position("ball_c")[-1] - motion.position("ball_c")[0]))
+        (foot,) = motion.feet
+        assert way == pytest.approx(0.5 * 0.25 * 9.81 * np.sin(0.2) * (5 / 7 if rolls else 1), rel=0.15)
+        assert foot.slide < 1e-3 if rolls else foot.slide > 0.5 * way
