@@ -278,8 +278,7 @@ def _add_free_body(parts: ModelParts, part: RigidPart) -> None:
     entries = {"mass": number(part.mass), "fullinertia": numbers(inertia)}
     add(body, "inertial", pos=numbers(part.centre), **entries)
     for shape in part.shapes:
-        half = np.array(shape.size[:1] if shape.kind == "tube" else shape.size)
-        half = np.append(half, shape.size[-1]) if shape.kind == "tube" else half
+        half = np.array((shape.size[0], shape.size[-1]) if shape.kind == "tube" else shape.size)
         half[(0 if shape.kind == "box" else 1) :] /= 2.0
         kind = {"ball": "sphere", "tube": "cylinder"}.get(shape.kind, shape.kind)
         pose = {"pos": numbers(shape.position), "quat": numbers(_find_quaternion(shape.axes))}

@@ -156,7 +156,7 @@ def split_at_rings(structure: Structure) -> Structure:
 def is_edge(subject: Structure | BodySystem) -> NDArray[np.bool_]:
     """Return which members of `outline_bodies` are edges of rigid bodies, (n_members,)."""
     if isinstance(subject, Structure):
-        return np.zeros(subject.n_members, dtype=np.bool_)
+        return subject.is_edge
     edges: list[bool] = []
     for body, solid in enumerate(subject.bodies):
         edges += [isinstance(solid, RigidBody)] * len(_find_pairs(subject, body))

@@ -220,8 +220,7 @@ def _summarise_bodies(bodies: list[dict[str, Any]]) -> list[str]:
             )
             line += f"; {facts['lowest']} {at}, contact frequency {facts['contact_frequency']:.4g} Hz"
         lines.append(line)
-    rest = len(bodies) - MAX_BODIES
-    return [*lines, f"and {rest} more bodies, see --json"] if rest > 0 else lines
+    return [*lines, "more bodies with --json"] if len(bodies) > MAX_BODIES else lines
 
 
 def _summarise_ground(ground: dict[str, Any] | None) -> list[str]:

@@ -50,6 +50,7 @@ DASHES = (0.0, (2.2, 2.6))
 # A dark outline: the fill colour times this.
 OUTLINE = 0.55
 FACE_ALPHA = 0.13  # of the faces of rigid bodies
+LIGHT = np.array([-0.35, 0.6, 0.72])  # unit vector to the light, on paper and towards the eye
 
 
 @dataclass(frozen=True)
@@ -79,13 +80,12 @@ class BodyParts:
     @classmethod
     def of(cls, subject: Structure | BodySystem) -> "BodyParts":
         """Return the parts of the outline of a structure or of bodies."""
-        if isinstance(subject, Structure) and subject.bodies:
-            faces = np.zeros((0, 3), dtype=np.int64)
-            return cls(subject.is_edge, faces, len(subject.bodies), mesh=build_mesh(subject.bodies))
+        free = subject.bodies if isinstance(subject, Structure) else ()
         bodies = () if isinstance(subject, Structure) else subject.bodies
         faces = np.array(find_faces(subject), dtype=np.int64).reshape(-1, 3)
-        count = sum(isinstance(body, RigidBody) for body in bodies)
-        return cls(is_edge(subject), faces, count, find_joints(subject))
+        count = len(free) + sum(isinstance(body, RigidBody) for body in bodies)
+        mesh = build_mesh(free) if free else None
+        return cls(is_edge(subject), faces, count, find_joints(subject), mesh)
 
 
 def find_slack(structure: Structure, node_position: FloatArray, tension: FloatArray | None) -> BoolArray:
@@ -191,19 +191,16 @@ class StructureDrawing:
             marks.set_data(*projected[chosen].T)
 
     def _show_surfaces(self, mesh: BodyMesh, node_position: FloatArray) -> None:
-        """Draw the surfaces of bodies that face the observer, far ones first."""
+        """Draw the surfaces of bodies that face the observer, far ones first, lit from the upper left."""
         projected, depth = self.view.project(mesh.compute_places(node_position))
-        corner = projected[mesh.triangle]
-        (ax, ay), (bx, by) = (corner[:, 1] - corner[:, 0]).T, (corner[:, 2] - corner[:, 0]).T
-        far = depth[mesh.triangle].mean(axis=1)
-        order = np.argsort(far, kind="stable")
-        order = order[(ax * by - ay * bx)[order] > 0]
-        # Light falls from the upper left: brighter where the surface is wide on paper and turned there.
-        light = _shade(projected, depth, mesh.triangle[order])
+        spot = np.concatenate([projected, depth[:, None]], axis=1)[mesh.triangle]
+        normal = np.cross(spot[:, 1] - spot[:, 0], spot[:, 2] - spot[:, 0])
+        order = np.argsort(spot[..., 2].mean(axis=1), kind="stable")
+        order = order[normal[order, 2] > 0]
+        lit = normal[order] @ LIGHT / np.linalg.norm(normal[order], axis=1)
         fill = np.ones((len(order), 4))
-        fill[:, :3] = np.clip(_rgba(BODY)[:3] * light[:, None], 0.0, 1.0)
-        self._surfaces.set_verts(list(corner[order]))
-        self._surfaces.set(facecolors=fill, edgecolors=fill)
+        fill[:, :3] = np.clip(_rgba(BODY)[:3] * (0.75 + 0.55 * np.clip(lit, 0.0, 1.0))[:, None], 0.0, 1.0)
+        self._surfaces.set(verts=list(spot[order, :, :2]), facecolors=fill, edgecolors=fill)
 
     def _strokes(
         self, ends: FloatArray, nearness: FloatArray, color: FloatArray | None
@@ -238,16 +235,6 @@ class StructureDrawing:
         fill[self._parts.edge] = _rgba(BODY)
         fill[self.slack] = _rgba(SLACK)
         return fill
-
-
-def _shade(projected: FloatArray, depth: FloatArray, triangle: NDArray[np.int64]) -> FloatArray:
-    """Return the brightness of triangles on paper, for a light at the upper left of the observer."""
-    spot = np.concatenate([projected, depth[:, None]], axis=1)[triangle]
-    normal = np.cross(spot[:, 1] - spot[:, 0], spot[:, 2] - spot[:, 0])
-    size = np.linalg.norm(normal, axis=1, keepdims=True)
-    lit = (normal / np.where(size > 0, size, 1.0)) @ np.array([-0.35, 0.6, 0.72])
-    brightness: FloatArray = 0.75 + 0.55 * np.clip(lit, 0.0, 1.0)
-    return brightness
 
 
 def _group_anchors(structure: Structure, view: View) -> list[tuple[BoolArray, str, bool]]:
