@@ -246,27 +246,22 @@ class EquilibriumResult(SearchResult):
         """Return the equilibrium, nodes and members by name."""
         equilibrium = self.equilibrium
         nodes, members = equilibrium.node_name, equilibrium.member_name
+        bodies = [body.name for body in getattr(self.case.subject, "bodies", ())]
+        places = {"body_position": equilibrium.body_position, "body_axes": equilibrium.body_axes}
+        placed = {
+            key: dict(zip(bodies, values.tolist(), strict=True))
+            for key, values in places.items()
+            if values is not None
+        }
         return {
             **equilibrium.as_evidence(),
             "node_position": dict(zip(nodes, equilibrium.node_position.tolist(), strict=True)),
-            **self._place_bodies(),
+            **placed,
             "member_length": dict(zip(members, equilibrium.member_length.tolist(), strict=True)),
             "member_tension": dict(zip(members, equilibrium.member_tension.tolist(), strict=True)),
             "held_load": self.case.held_load,
             "inputs": dict(self.case.inputs),
         }
-
-    def _place_bodies(self) -> dict[str, Any]:
-        """Return centres of mass [m] and axes of rigid bodies by name, nothing without any."""
-        from tensegrity_codegen.tables.body_places import place_bodies
-
-        bodies = getattr(self.case.subject, "body_places", ())
-        if not bodies:
-            return {}
-        centre, axes = place_bodies(bodies, self.equilibrium.node_position)
-        names = [body.name for body in bodies]
-        placed = {"body_position": centre, "body_axes": axes}
-        return {key: dict(zip(names, values.tolist(), strict=True)) for key, values in placed.items()}
 
     def describe(self) -> list[Any]:
         """Return status, nodes, members, residual and motion."""

@@ -18,6 +18,7 @@ from tensegrity_codegen.system.summaries import (
     describe_number,
     describe_range,
 )
+from tensegrity_codegen.tables.body_places import place_bodies
 from tensegrity_codegen.tables.manifest import SLID_END
 from tensegrity_codegen.tables.static_methods import FOUND
 
@@ -236,6 +237,18 @@ class Equilibrium(ByName, Summarised):
             ("energy", describe_number(self.energy, "J")),
             ("method", f"{self.method}, {self.iterations} iterations"),
         ]
+
+    @property
+    def body_position(self) -> FloatArray | None:
+        """Centres of mass of rigid bodies, (n_bodies, 3) [m]; None without any, or without a structure."""
+        bodies = getattr(self.structure, "body_places", ())
+        return place_bodies(bodies, self.node_position)[0] if bodies else None
+
+    @property
+    def body_axes(self) -> FloatArray | None:
+        """Rotation matrices of rigid bodies, with the axes of each frame as columns, (n_bodies, 3, 3)."""
+        bodies = getattr(self.structure, "body_places", ())
+        return place_bodies(bodies, self.node_position)[1] if bodies else None
 
     @property
     def is_found(self) -> bool:
