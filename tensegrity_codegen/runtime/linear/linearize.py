@@ -87,10 +87,17 @@ class Variations:
     T moves with the state. With Z' = W (the frame that turns least) and L = [Z^T 0; 0 Z^T], L T = 1, the
     linear model of p is p' = (L A T - L T') p, L T' = [0 0; -W^T W 0]. Internal states vary freely: T and L
     have an identity for them below.
+
+    Attributes
+    ----------
+    along, turning : sparse arrays, shape (n_coordinates, n_directions)
+        Z and W.
+    n_internal : int
+        Number of internal states.
     """
 
-    along: Any  # Z
-    turning: Any  # W
+    along: Any
+    turning: Any
     n_internal: int = 0
 
     @property
@@ -122,8 +129,18 @@ class Variations:
 def find_variations(model: Model, at: Mapping[str, Any]) -> Variations | None:
     """Return the variations of a state x = (q, q') that can happen, None if all can.
 
-    Rigid bars allow those with d_b . d(dq) = 0 and d_b . d(dq') + d_b' . d(dq) = 0, where d(.) is the
-    difference of both ends. at: all arguments of the model, with coordinate and velocity.
+    Parameters
+    ----------
+    model : Model
+        The model.
+    at : mapping
+        All its arguments, with coordinate and velocity.
+
+    Returns
+    -------
+    Variations or None
+        Of rigid bars those with d_b . d(dq) = 0 and d_b . d(dq') + d_b' . d(dq) = 0, where d(.) is the
+        difference of both ends.
     """
     if model.manifest.rigid_bar:
         return _along_bars(model, at)

@@ -71,7 +71,8 @@ def test_held_feet_have_the_accelerations_of_bristles_that_follow(
     assert model.structure is not None
     held = load(hold_feet(model.structure, model, rest), "acceleration", "state_jacobian")
     assert held.manifest.internal_name == ()
-    rng, following, start = np.random.default_rng(0), find_following(model), rest.at(0.0)
+    rng, start = np.random.default_rng(0), rest.at(0.0)
+    following = find_following(model, start.coordinate)
     for size in (1e-6, 1e-4, 1e-2):
         q, v = start.coordinate + size * rng.normal(size=18), 10 * size * rng.normal(size=18)
         at = {"coordinate": q, "velocity": v, "input": np.zeros(9)}
