@@ -240,8 +240,8 @@ def _find_warnings(analysis: Analysis, at: Configuration) -> tuple[str, ...]:
         sentences.append(
             f"the feet {feet} are at the limit of friction, which holds them only across their slip"
         )
-    if at.is_absent.any():
-        names = name_list(at.manifest.member_name[e] for e in at.is_absent.nonzero()[0])
+    if (absent := at.is_absent & ~at.is_edge).any():
+        names = name_list(at.manifest.member_name[e] for e in absent.nonzero()[0])
         sentences.append(f"slack, without length and left out of all tensions: {names}")
     if len(analysis.parts) > 1:
         sentences.append(describe_pieces([piece[0] for piece in analysis.parts]))
@@ -346,7 +346,7 @@ def analyse(
         member_length=at.length,
         member_tension=at.tension,
         residual=at.point.node_force,
-        largest_force=at.point.largest_force,
+        largest_force=float(np.abs(at.tension[~at.is_edge]).max(initial=0.0)),
         is_balanced=at.point.is_balanced(BALANCE_TOLERANCE, at.force_floor),
         rank=rank,
         parts=tuple(tuple(names[node] for node in piece) for piece in at.separate_parts),

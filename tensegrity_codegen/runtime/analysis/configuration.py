@@ -48,7 +48,10 @@ class Configuration:
         length, owner = self.manifest.strands.strand_lengths(self.position), self.manifest.strands.member
         # Of strands; those without length, of slack cables, have no direction and no part in any of it.
         self.strand_length = np.where(length > 0.0, length, np.inf)
+        # Rigid bars between the corners of one body, which are no members that carry tensions.
+        self.is_edge = np.asarray(getattr(structure, "is_edge", np.zeros(len(self.length), dtype=bool)))
         self.is_absent = np.bincount(owner, ~np.isfinite(self.strand_length), len(self.length)) > 0
+        self.is_absent |= self.is_edge
         self.tension_only = np.asarray(structure.tension_only, dtype=bool) & ~self.is_absent
 
     @property
@@ -124,30 +127,62 @@ class Configuration:
         return np.asarray(relative_velocity - unit[:, :, None] * axial_velocity[:, None, :])
 
 
-class GroundConfiguration(Configuration):
-    """A configuration on the ground: directions are combinations of those that closed contacts leave free.
+class HeldConfiguration(Configuration):
+    """A configuration with bodies or on the ground: directions are combinations of those that stay free.
 
-    The forces of the ground along what contacts hold are those of supports; its friction on feet that slip
-    counts with the loads. The tangent stiffness has the contacts as springs.
+    Closed contacts hold some, and bodies keep their shapes, which leaves six directions of each. The forces
+    of the ground along what contacts hold are those of supports; its friction on feet that slip counts with
+    the loads. The tangent stiffness has the contacts as springs.
     """
 
     @cached_property
+    def held(self) -> FloatArray:
+        """Directions that the edges of bodies hold, then those that contacts hold, (k, n_coordinates)."""
+        rows = [self._whole_matrix[:, self.is_edge].T]
+        if self.problem.contacts is not None:
+            rows.append(self.problem.ground_contacts.find_held(self.position))
+        return np.vstack(rows)
+
+    @cached_property
     def free(self) -> FloatArray:
-        """Orthonormal directions that no contact holds, (n_coordinates, n_directions)."""
-        held = self.problem.ground_contacts.find_held(self.position)
-        return np.asarray(scipy.linalg.null_space(held)) if len(held) else np.eye(len(self.coordinate))
+        """Orthonormal directions that nothing holds, (n_coordinates, n_directions)."""
+        return (
+            np.asarray(scipy.linalg.null_space(self.held)) if len(self.held) else np.eye(len(self.coordinate))
+        )
 
     @cached_property
     def equilibrium_matrix(self) -> FloatArray:
-        """Equilibrium matrix A, (n_directions, n_members)."""
-        return np.asarray(self.free.T @ self._whole_matrix)
+        """Equilibrium matrix A, (n_directions, n_members); zero in edges of bodies."""
+        return np.asarray(self.free.T @ np.where(self.is_edge, 0.0, self._whole_matrix))
+
+    @cached_property
+    def _edge_tension(self) -> FloatArray:
+        """Tensions of the edges that balance a force on each coordinate, (n_edges, n_coordinates)."""
+        return np.asarray(np.linalg.pinv(self.held.T)[: self.is_edge.sum()])
+
+    def geometric_stiffness(self, tension: FloatArray, directions: FloatArray) -> FloatArray:
+        """Return sum t_e d2l_e/dx2 along directions (n_directions, k), (k, k) [N/m], with that of edges."""
+        complete = np.array(tension)
+        complete[self.is_edge] = -self._edge_tension @ (self._whole_matrix @ tension)
+        return super().geometric_stiffness(complete, directions)
+
+    def load_stiffness(self, directions: FloatArray) -> FloatArray:
+        """Return the stiffness of loads, which turn bodies, along directions (n_directions, k), (k, k)."""
+        tension = np.zeros(len(self.length))
+        tension[self.is_edge] = self._edge_tension @ self._force
+        return super().geometric_stiffness(tension, directions)
+
+    def curvature(self, direction: FloatArray) -> FloatArray:
+        """Return d2l_e/ds2 of each member along one direction, with that of the edges that it stresses."""
+        own = super().curvature(direction)
+        own -= (self._edge_tension @ self._whole_matrix).T @ own[self.is_edge]
+        return np.where(self.is_edge, 0.0, own)
 
     @cached_property
     def load(self) -> FloatArray:
         """Weight, loads and friction that slips, (n_directions,) [N]; exactly zero if there are none."""
-        force = self.point.residual + self._whole_matrix @ self.tension
         size = np.abs(self._whole_matrix) @ np.abs(self.tension) + np.abs(self.point.residual)
-        load: FloatArray = self.free.T @ force
+        load: FloatArray = self.free.T @ self._force
         return load if np.linalg.norm(load) > LOAD_TOLERANCE * np.linalg.norm(size) else np.zeros_like(load)
 
     @cached_property
@@ -155,12 +190,17 @@ class GroundConfiguration(Configuration):
         """Orthonormal rigid motions of each part that anchors and contacts allow, (n_directions, k)."""
         rigid = build_part_motions(self.manifest, self.position, self.separate_parts)
         held = rigid - self.free @ (self.free.T @ rigid)
-        free_combinations = scipy.linalg.null_space(held, rcond=HELD) if rigid.shape[1] else np.zeros((0, 0))
-        return np.asarray(self.free.T @ rigid @ free_combinations)
+        _, size, right = np.linalg.svd(held, full_matrices=False)
+        return np.asarray(self.free.T @ rigid @ right[size <= HELD].T)
 
     def node_velocities(self, directions: FloatArray) -> FloatArray:
         """Return the node velocities (n_nodes, 3, k) of unit rates along directions (n_directions, k)."""
         return super().node_velocities(self.free @ directions)
+
+    @cached_property
+    def _force(self) -> FloatArray:
+        """Weight, loads and friction that slips, on coordinates (n_coordinates,) [N]."""
+        return np.asarray(self.point.residual + self._whole_matrix @ self.tension)
 
     @cached_property
     def _whole_matrix(self) -> FloatArray:
@@ -252,8 +292,8 @@ def read_configuration(
             allowed="finite lengths and forces",
             hint="move coincident nodes apart, or give the body another polar_axis",
         )
-    on_ground = GroundConfiguration if problem.contacts is not None else Configuration
-    kind = BodyConfiguration if of_bodies else on_ground
+    is_held = problem.contacts is not None or (bool(getattr(structure, "bodies", ())) and not of_bodies)
+    kind = BodyConfiguration if of_bodies else HeldConfiguration if is_held else Configuration
     return kind(problem, point, structure)
 
 
