@@ -219,7 +219,7 @@ class _Nearby:
         reach = float(np.abs(start["coordinate"]).max(initial=0.0))
         size = {"coordinate": reach, "velocity": reach / motion.t_end}
         driven = {} if schedule is None else dict(schedule.values)
-        self.schedule, self.slope = schedule, 0.0
+        self.schedule, self.slope, self.start = schedule, 0.0, dict(start)
         self.given = dict(motion.arguments) if schedule is None else dict(inputs or {})
         self.value: dict[str, FloatArray] = (
             {} if motion.model.manifest.rigid_bar else start
@@ -250,7 +250,7 @@ class _Nearby:
             name: self.value[name] + step * self.way[name].reshape(np.shape(self.value[name]))
             for name in self.value
         }
-        inputs: dict[str, Any] = {name: moved.pop(name) for name in START[:2] if name in moved}
+        inputs: dict[str, Any] = {name: moved.pop(name, value) for name, value in self.start.items()}
         if self.schedule is not None:
             values = {
                 name: value + step * self.way.get(name, 0.0) for name, value in self.schedule.values.items()

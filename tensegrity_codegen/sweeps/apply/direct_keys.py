@@ -173,7 +173,7 @@ class _KeyReader:
                 forces = [entry for entry in self.scene.loads if isinstance(entry, Load)]
                 if not isinstance(load, Load) or [entry.node for entry in forces].count(load.node) > 1:
                     return []
-                row = self.subject.node_name.index(load.node)
+                row = self.subject.node_name.index(load.node.replace(".", "_"))  # of a point of a body
                 return self._in_vectors("node_load", row, self._axis(place, len(load.force)))
             case ("nodes", str(name), "mass") if self.has_node_state:
                 return [("node_mass", self.subject.node_name.index(name))]
@@ -253,6 +253,8 @@ class _KeyReader:
         group = next((keys for keys in ALTERNATIVES if word in keys), (word,))
         rows = []
         for row, other_name in enumerate(self.subject.member_name):
+            if other_name not in self.members:  # an edge of a body
+                continue
             member = self.members[other_name]
             stated = any(getattr(member, key, None) is not None for key in group)
             of_class = section == "classes" and member.class_name == name and not stated
