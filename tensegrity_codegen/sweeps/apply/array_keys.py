@@ -59,6 +59,9 @@ class ArrayKey:
             target[list(self.rows), self.axis] = value
 
 
+OF_FREE_NODES = ("node_mass", "node_position", "node_velocity")  # of which points of bodies have none
+
+
 def find_array_key(text: str, steps: Steps, subject: Subject, where: str) -> ArrayKey:
     """Return the entries that a key names; raises UnknownKeyError or InvalidValueError."""
     array = str(steps[0])
@@ -124,6 +127,9 @@ def _check_entries_exist(
     elif field == "rest_length":
         lacking = [e for e in rows if not subject.mu[e] > 0]
         names, problem = subject.member_name, "a rigid bar has no rest length"
+    elif field in OF_FREE_NODES and not set(rows).isdisjoint(of_body := _list_nodes_of_bodies(subject)):
+        lacking = [k for k in rows if k in of_body]
+        names, problem = subject.node_name, "a node of a body moves with it: state a number of bodies.NAME"
     elif isinstance(subject, Structure) and axis >= 0:
         held = subject.node_anchored[:, axis] if field == "node_velocity" else np.zeros(subject.n_nodes, bool)
         lacking = [k for k in rows if axis not in subject.axes or held[k]]
@@ -133,3 +139,9 @@ def _check_entries_exist(
     if lacking:
         problem = f"{problem}: {names[lacking[0]]}"
         raise InvalidValueError(problem, where=key_path(where, field), given=text, allowed="one that has it")
+
+
+def _list_nodes_of_bodies(subject: Subject) -> set[int]:
+    """Return the nodes that are corners and points of rigid bodies beside nodes."""
+    bodies = subject.bodies if isinstance(subject, Structure) else ()
+    return {node for body in bodies for node in (*body.corner, *body.point)}
