@@ -50,7 +50,9 @@ def test_cases_are_those_of_the_scene_with_the_number(key: str, tmp_path: Path) 
     values = {"bodies.disk.mass": 0.8, "loads[0].force[0]": 0.3, "members.c1.rest_length": 0.45}
     value = values.get(key, -0.07)
     with without_optimisation():
-        found = sweep(SCENE, over={key: [value]}, do="equilibrium", out=tmp_path / "s", keep=("node_position",))
+        found = sweep(
+            SCENE, over={key: [value]}, do="equilibrium", out=tmp_path / "s", keep=("node_position",)
+        )
         changed = copy.deepcopy(SCENE)
         if key.startswith("bodies.disk.mass"):
             changed["bodies"]["disk"]["mass"] = value  # type: ignore[index]
