@@ -291,20 +291,13 @@ def differentiate(reference: BodyReference, y: Array) -> Array:
     return np.array([reference.rates(step).imag for step in steps]).T / 1e-30
 
 
-EXPLICIT = ("rk54", "rk853")
-RANDOM = [(0, method) for method in EXPLICIT]
-RANDOM += thorough(*[(k, m) for k in range(1, 20) for m in EXPLICIT if (k, m) != (8, "rk853")])
-# A ball whose slip nearly ends turns its friction within 2 ms; both runs of the check pass that in one step.
-AGREE = pytest.param(
-    8, "rk853", marks=[pytest.mark.thorough, pytest.mark.xfail(reason="the same step twice")]
-)
-
-
-@pytest.mark.parametrize(("seed", "method"), [*RANDOM, AGREE])
+# In 8 and 35 the slip of a ball nearly ends, and both runs of the check pass that in one step.
+@pytest.mark.parametrize("seed", [0, 8, *thorough(*range(1, 8), *range(9, 20), 35)])
+@pytest.mark.parametrize("method", ["rk54", "rk853"])
 def test_told_errors_of_random_motions_are_not_below_the_true_ones(seed: int, method: str) -> None:
     """Of corners and of points of bodies, which may be far from the corners."""
     model, exact = compile_random(seed)
-    for rtol in (1e-4, 1e-7):
+    for rtol in (1e-4, 1e-5, 1e-7):
         found = simulate(model, 0.1, samples=4, method=method, rtol=rtol)
         assert found.status == "ok"
         for name, atol in (("node_position", "atol"), ("node_velocity", "atol_speed")):
