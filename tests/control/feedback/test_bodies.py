@@ -7,6 +7,7 @@ import pytest
 import scipy
 
 from tensegrity_codegen.control.embedded.build_controller import build_controller
+from tensegrity_codegen.control.embedded.closed_loop import simulate_control_batch
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import build_rest, find_following, hold_feet
@@ -14,6 +15,7 @@ from tensegrity_codegen.control.feedback.kalman import design_kalman
 from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance, Gust
 from tensegrity_codegen.control.feedback.loop.tension_distribution import design_distribution
 from tensegrity_codegen.control.feedback.lqr import design_lqr
+from tensegrity_codegen.control.feedback.mpc import design_mpc
 from tensegrity_codegen.pipeline.compile_scene import compile_scene
 from tensegrity_codegen.runtime.linear.linearize import linearize
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -130,3 +132,25 @@ def test_estimates_keep_the_shapes_of_bodies(robot: CompiledModel, stands: Equil
     edges = robot.structure.is_edge  # type: ignore[union-attr]
     length = robot.compute("member_length", coordinate=run.estimate[-1, :36])
     np.testing.assert_allclose(length[edges], robot.structure.rest_length[edges], rtol=1e-12)  # type: ignore[union-attr]
+
+
+def test_the_controller_in_c_is_that_of_python(
+    robot: CompiledModel, stands: Equilibrium, gains: Gains
+) -> None:
+    push = Disturbance(gust=Gust("rod0_hi", (3.0, 0.0, 0.0), 0.1, 0.02))
+    mine = simulate_control(robot, stands, gains, t_end=0.3, disturbance=push, compare=False)
+    (other,) = simulate_control_batch(robot, stands, gains, draws=[push], t_end=0.3)
+    np.testing.assert_allclose(other.coordinate, mine.coordinate, atol=1e-12)
+    np.testing.assert_allclose(other.command, mine.command, atol=1e-12)
+
+
+@pytest.mark.thorough
+def test_prediction_with_one_command_a_block_is_feedback_in_small_motions(
+    robot: CompiledModel, stands: Equilibrium, gains: Gains
+) -> None:
+    push = Disturbance(gust=Gust("rod0_hi", (0.03, 0.0, 0.0), 0.1, 0.02))
+    predicted = design_mpc(robot, stands, Q, np.full(3, 1e5), horizon=10, blocks=[1] * 10)
+    (run,) = simulate_control_batch(robot, stands, predicted, draws=[push], t_end=0.3)
+    (held,) = simulate_control_batch(robot, stands, gains, draws=[push], t_end=0.3)
+    size = np.abs(held.command - held.command[0]).max()
+    assert np.abs(run.command - held.command).max() < 0.01 * size
