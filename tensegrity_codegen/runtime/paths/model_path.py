@@ -190,6 +190,8 @@ class ModelPath:
             column = {axis: k for k, axis in enumerate(manifest.axes)}
             for node, axis in manifest.coordinate_node_axis:
                 moves[node, column[axis]] = True
+            for body in manifest.body_places:
+                moves[list(body.point)] = True
         else:
             jacobian = self.compute("node_jacobian", self.model.nominal("coordinate").ravel(), 0.0)
             moves = np.asarray(abs(jacobian).sum(axis=1)).reshape(loaded.shape) > 0
@@ -208,6 +210,8 @@ class ModelPath:
             return self._growth(self.model.nominal("coordinate").ravel())
         column = {axis: k for k, axis in enumerate(manifest.axes)}
         spread = self._spread()
+        for body in manifest.body_places:
+            body.gather(spread)
         return np.array([spread[node, column[axis]] for node, axis in manifest.coordinate_node_axis])
 
     def _spread(self) -> FloatArray:

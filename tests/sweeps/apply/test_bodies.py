@@ -11,36 +11,7 @@ from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.sweeps.sweep import sweep
 from tensegrity_codegen.system.errors import InvalidValueError
 from tests.codegen.quickly import without_optimisation
-
-SCENE = {
-    "name": "hung",
-    "gravity": [0, 0, -9.81],
-    "nodes": {
-        f"a{k}": {"position": [x, y, 1.0], "anchored": True}
-        for k, (x, y) in enumerate([(0.2, 0), (-0.1, 0.2), (-0.1, -0.2)])
-    },
-    "bodies": {
-        "disk": {
-            "kind": "rigid",
-            "mass": 0.5,
-            "inertia": [0.004, 0.005, 0.006],
-            "position": [0.0, 0.0, 0.5],
-            "points": {
-                f"p{k}": [x, y, 0.0] for k, (x, y) in enumerate([(0.1, 0), (-0.05, 0.1), (-0.05, -0.1)])
-            },
-        }
-    },
-    "members": {
-        f"c{k}": {
-            "kind": "cable",
-            "spring_constant": 300.0,
-            "rest_length": 0.4,
-            "nodes": [f"a{k}", f"disk.p{k}"],
-        }
-        for k in range(3)
-    },
-    "loads": [{"node": "disk.p0", "force": [0.1, 0.0, 0.0]}],
-}
+from tests.hung_disk import SCENE
 
 
 @pytest.mark.parametrize(
@@ -55,13 +26,13 @@ def test_cases_are_those_of_the_scene_with_the_number(key: str, tmp_path: Path) 
         )
         changed = copy.deepcopy(SCENE)
         if key.startswith("bodies.disk.mass"):
-            changed["bodies"]["disk"]["mass"] = value  # type: ignore[index]
+            changed["bodies"]["disk"]["mass"] = value
         elif key.startswith("loads"):
-            changed["loads"][0]["force"][0] = value  # type: ignore[index]
+            changed["loads"][0]["force"][0] = value
         elif key.startswith("members"):
-            changed["members"]["c1"]["rest_length"] = value  # type: ignore[index]
+            changed["members"]["c1"]["rest_length"] = value
         else:
-            changed["bodies"]["disk"]["points"]["p1"][0] = value  # type: ignore[index]
+            changed["bodies"]["disk"]["points"]["p1"][0] = value
         model = compile_scene(changed, for_="equilibrium")
         wanted = find_equilibrium(model).node_position
     np.testing.assert_allclose(np.asarray(found["node_position"])[0], wanted, atol=1e-9)
