@@ -169,10 +169,14 @@ def _list_references(layout: Layout, tangent: Tangent | None, row: int) -> tuple
 
 
 def _list_position_references(layout: Layout, k: int) -> tuple[int, ...]:
-    node, axis = divmod(k, len(layout.manifest.axes))
-    coordinate = (node, layout.manifest.axes[axis])
-    coordinates = layout.manifest.coordinate_node_axis
-    return (1 + layout.n_arguments + coordinates.index(coordinate),) if coordinate in coordinates else ()
+    manifest = layout.manifest
+    node, axis = divmod(k, len(manifest.axes))
+    carriers = {point: body.corner for body in manifest.body_places for point in body.point}
+    wanted = [(carrier, manifest.axes[axis]) for carrier in carriers.get(node, (node,))]
+    coordinates = manifest.coordinate_node_axis
+    return tuple(
+        1 + layout.n_arguments + coordinates.index(entry) for entry in wanted if entry in coordinates
+    )
 
 
 def _list_events(layout: Layout) -> list[Variable]:

@@ -196,7 +196,11 @@ def _place_positions(layout: Layout) -> dict[str, Any] | None:
         -1 if (node, axis) in coordinate else anchors.get((manifest.node_name[node], "xyz"[axis]), -1)
         for node, axis in positions
     ]
+    places = manifest.body_places  # points of bodies are combinations of four corners
     return {
+        "attached": [node for body in places for node in body.point],
+        "corner": [node for body in places for _ in body.point for node in body.corner],
+        "weight": print_numbers([x for body in places for row in body.weights for x in row]),
         "coordinate": [coordinate.get(position, -1) for position in positions],
         "argument": argument,
         "has_argument": max(argument) >= 0,
