@@ -50,6 +50,7 @@ def stability(
     output = Output(json)
     with output.guard():
         from tensegrity_codegen.pipeline.compile_scene import load_nodes
+        from tensegrity_codegen.structure.body_support import require_no_bodies
         from tensegrity_codegen.studies.stability.judge import NOT_RUN, RULES, VERDICTS, Limits
         from tensegrity_codegen.studies.stability.page import RULE_WORDS, WORDS
         from tensegrity_codegen.studies.stability.report import write_stability
@@ -57,6 +58,7 @@ def stability(
         check_folder(out, ["stability.html", "stability.json"], inputs=scenes, overwrite=overwrite)
         structures = [load_nodes(path) for path in scenes]
         for structure in structures:
+            require_no_bodies(structure, "cases of stability", "compare motions by `report`")
             output.warn_of(structure)
         limits = Limits(run=limit, reference=2 * limit, total=budget, peers=peers)
         with output.resumable(out) as notice, output.progress("running cases") as progress:

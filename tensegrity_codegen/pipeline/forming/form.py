@@ -22,6 +22,7 @@ from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.scene.describe import describe_structure
 from tensegrity_codegen.scene.schema.schema import Scene
+from tensegrity_codegen.structure.body_support import require_no_bodies
 from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.sliding import require_no_rings
 from tensegrity_codegen.structure.structure import Structure
@@ -227,6 +228,7 @@ def require_nodes(subject: Any, what: str) -> Structure:
         hint = "leave out the ground, and settle on it afterwards"
         raise FormulationError(problem, where=subject.name, given=value, hint=hint)
     require_no_rings(subject, what)
+    require_no_bodies(subject, what)
     return subject
 
 
