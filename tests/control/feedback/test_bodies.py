@@ -9,7 +9,7 @@ import scipy
 from tensegrity_codegen.control.embedded.build_controller import build_controller
 from tensegrity_codegen.control.embedded.closed_loop import simulate_control_batch
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
-from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.design.gains import Gains, find_sensing
 from tensegrity_codegen.control.feedback.design.linear_samples import build_rest, find_following, hold_feet
 from tensegrity_codegen.control.feedback.kalman import design_kalman
 from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance, Gust
@@ -154,3 +154,25 @@ def test_prediction_with_one_command_a_block_is_feedback_in_small_motions(
     (held,) = simulate_control_batch(robot, stands, gains, draws=[push], t_end=0.3)
     size = np.abs(held.command - held.command[0]).max()
     assert np.abs(run.command - held.command).max() < 0.01 * size
+
+
+def test_gyros_measure_the_spin_of_bodies(robot: CompiledModel, stands: Equilibrium) -> None:
+    """With cables alone the estimator knows less of how fast bodies turn."""
+    cables, gyros = (
+        Sensor("member_length", tuple(range(9)), 1e-4),
+        Sensor("angular_velocity", (0, 1, 2), 1e-3),
+    )
+    sensing = find_sensing(robot, [cables, gyros])
+    assert sensing.names[9:12] == ("rod0.x spin", "rod0.y spin", "rod0.z spin")
+    rate = np.linalg.lstsq(linearize(robot, stands).variation.toarray()[:36, :18].T, np.ones(18), rcond=None)[
+        0
+    ]
+    at = {"coordinate": stands.coordinate, "velocity": rate, "input": np.zeros(3)}
+    measured = sensing.measure({**at, "internal": np.zeros(12)})[9:]
+    slopes = sensing.slopes({**at, "velocity": np.zeros(36), "internal": np.zeros(12)})[9:]
+    np.testing.assert_allclose(slopes[:, 36:] @ rate, measured, rtol=1e-7)
+    variances = [
+        np.trace(design_kalman(robot, stands, chosen, disturbance=0.0).P[-1][36:72, 36:72])
+        for chosen in ([cables], [cables, gyros])
+    ]
+    assert variances[1] < 0.5 * variances[0]
