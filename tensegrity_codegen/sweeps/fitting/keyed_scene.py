@@ -120,7 +120,8 @@ class KeyedScene:
                 given=", ".join(keys[k - 1] for k in constants),
                 allowed="stiffnesses, rest lengths, damping, masses and loads of nodes, gravity, positions "
                 "and velocities of nodes at the start, inputs, and numbers of the ground",
-                hint="masses of bars are constants, also where they follow from a density: state a mass",
+                hint="masses of bars are constants, also where they follow from a density: state a mass; of "
+                "bodies, motion_gradient differentiates to the parameters body_mass and body_inertia",
             )
         return start_group
 
