@@ -130,13 +130,13 @@ class Parameters(Table):
     )
     damping: Selection | None = Field(None, description='Damping constants [N s/m]: "all" or member names.')
     node_mass: NodeSelection | None = Field(None, description='Point masses [kg]: "all" or node names.')
-    node_load: NodeSelection | None = Field(None, description='Loads on nodes [N]: "all" or node names.')
-    anchor_position: Selection | None = Field(
-        None, description='Positions of anchored nodes [m]: "all" or node names.'
-    )
     body_mass: Selection | None = Field(None, description='Masses of bodies [kg]: "all" or names of bodies.')
     body_inertia: Selection | None = Field(
         None, description='Principal inertias of bodies [kg m2], ascending: "all" or names of bodies.'
+    )
+    node_load: NodeSelection | None = Field(None, description='Loads on nodes [N]: "all" or node names.')
+    anchor_position: Selection | None = Field(
+        None, description='Positions of anchored nodes [m]: "all" or node names.'
     )
     gravity: Literal["all"] | None = Field(None, description='Gravity vector [m/s2]: "all" only.')
     ground: Selection | None = Field(
