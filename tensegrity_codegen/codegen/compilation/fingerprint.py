@@ -18,7 +18,7 @@ from tensegrity_codegen.tables.request import ModelRequest
 # Fields of a structure and a request that count only if they hold something.
 ONLY_IF_ANY = (
     *("law_parameter", "inner_radius", "driven", "ground", "collision", "columns", "directions"),
-    *("gain", "ring_nodes", "sliding", "bodies"),
+    *("gain", "ring_nodes", "sliding", "bodies", "stick_arm"),
 )
 # Fields of a structure that no library depends on; expansion is in its inputs, and so are actuators, but for
 # their lag.
