@@ -44,6 +44,7 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.system.version import VERSION
+from tensegrity_codegen.tables.body_places import show_members
 
 LEAD = {
     "holds": "With feedback the errors at the end are not larger than without.",
@@ -89,19 +90,19 @@ def build_control_page(study: ControlStudy, model: CompiledModel, structure: Str
         f"{format_short(study.t_end)} s; errors are the largest of {count} draw{'s' * (count != 1)} of the "
         f"disturbances. Diagrams show the "
         f"worst draw, number {study.worst_draw} (counted from 0).",
-        chapters=(Chapter("control", structure.name, STATUS[study.status], _count(study), sections),),
+        chapters=(Chapter("control", structure.name, STATUS[study.status], _count(study, model), sections),),
         facts=(f"tensegrity_codegen {VERSION}.", "Equations, signs and statuses: docs/control.md."),
         summary_heads=("part", "what", "result"),
     )
 
 
-def _count(study: ControlStudy) -> str:
+def _count(study: ControlStudy, model: CompiledModel) -> str:
     run = study.loops["open"].run
     estimator = study.estimator
     measured = "no sensors" if estimator is None else f"{len(estimator.sensing.names)} numbers measured"
+    n_members = len(show_members(run.member_name, model.manifest.body_places))
     return (
-        f"{describe_count(len(run.coordinate_name), 'coordinate')}, "
-        f"{describe_count(len(run.member_name), 'member')}, "
+        f"{describe_count(len(run.coordinate_name), 'coordinate')}, {describe_count(n_members, 'member')}, "
         f"{describe_count(len(run.actuators), 'actuator')}, {measured}."
     )
 
