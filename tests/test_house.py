@@ -219,7 +219,7 @@ def test_the_list_of_verbs_imports_no_package_that_computes() -> None:
 MAX_LINES = {
     "analyses": 5_550,
     "cli": 5_350,  # bodies in `check`
-    "codegen": 11_050,
+    "codegen": 11_100,  # bodies beside bars
     "control": 13_750,  # feedback over the motions that rigid bars allow
     "export": 3_300,  # bodies
     "live": 1_300,

@@ -69,11 +69,12 @@ class NamedValues:
     def annotate(self, function: PrunedFunction) -> Annotations:
         """Return names, headings and comments of the body of a function."""
         instructions = read_instructions(function.function)
-        used_names = {*function.arguments, function.quantity.name}
+        owner: dict[str, int] = dict.fromkeys((*function.arguments, function.quantity.name), -1)
         named = {
             k: self._named[key]
             for k, key in enumerate(self._find_keys(instructions, function.arguments))
-            if key in self._named and self._named[key][0] not in used_names
+            # A cable and a bar side by side have two lengths of one name, that of the first
+            if key in self._named and owner.setdefault(self._named[key][0], key) == key
         }
         return Annotations(
             name={k: name for k, (name, _, _, _) in named.items()},

@@ -262,6 +262,19 @@ class Structure(WithMemberLaws, Summarised):
         return found
 
     @property
+    def ends_at_body(self) -> NDArray[np.bool_]:
+        """(n_members,): members that end at points of bodies."""
+        return np.asarray(self.is_attached[self.connectivity].any(axis=1))
+
+    @property
+    def is_mixed(self) -> NDArray[np.bool_]:
+        """(n_members,): two-sided linear members, whose tensions are unknowns of the mixed form.
+
+        Elastic ones that end at points of bodies, which have no coordinates, count with the cables.
+        """
+        return super().is_mixed & ~(self.ends_at_body & ~self.is_rigid)
+
+    @property
     def is_corner(self) -> NDArray[np.bool_]:
         """(n_nodes,): corners of bodies."""
         found = np.zeros(self.n_nodes, dtype=np.bool_)

@@ -191,10 +191,12 @@ class NodeCoordinates:
     @cached_property
     def cable_force(self) -> list[Vector]:
         """Weight, load and forces of cables on every node [N]."""
-        zero = ca.SX(0.0)
-        return self.members.add_to(
-            self.external_force, lambda member: zero if member.is_mixed else member.density
-        )
+        zero, mixed = ca.SX(0.0), self.structure.is_mixed.tolist()
+        pulls = [
+            [strand.pull(zero if mixed[e] else strand.density) for strand in member.strands]
+            for e, member in enumerate(self.members.members)
+        ]
+        return self.members.add_pulls(self.external_force, pulls)
 
     def member_law(self) -> ca.SX:
         """Return rest length, spring constant, damping and anchored part of d_e, (3 + n_axes, n_members)."""

@@ -12,6 +12,8 @@ from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.linear.linearize import linearize, linearize_quantities
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
+from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
 from tests.cases import thorough
 from tests.free_body_cases import (
     MappedScene,
@@ -317,3 +319,85 @@ def compile_random(seed: int) -> tuple[CompiledModel, dict[str, Array]]:
     nodes = [mapped.move_nodes(y) for y in [mapped.reference.start, *states]]
     position, velocity = (np.array(values) for values in zip(*nodes, strict=True))
     return model, {"node_position": position, "node_velocity": velocity}
+
+
+PENDULUM: dict[str, Any] = {
+    "name": "pendulum",
+    "gravity": [0, 0, -9.81],
+    "nodes": {
+        "A": {"position": [0, 0, 1], "anchored": True},
+        "m": {"position": [0.6, 0.1, 0.5], "mass": 0.3},
+    },
+    "bodies": {
+        "b": {
+            "kind": "rigid", "centre": [0.3, 0, 0], "mass": 1, "inertia": [0.01, 0.02, 0.02],
+            "points": {"a": [0, 0, 0.1], "c": [0.5, 0, 0]},
+        }
+    },
+}  # fmt: skip
+
+
+def hang(**members: dict[str, Any]) -> dict[str, Any]:
+    """Return a body on a bar x, and a node m between it and the support, by other members or these."""
+    between = {"spring_constant": 1e5, "damping": 5}
+    usual = {
+        "y": {"kind": "bar", "nodes": ["b.c", "m"], **between},
+        "z": {"kind": "bar", "nodes": ["A", "m"]},
+    }
+    usual["z"]["spring_constant"] = 1e6
+    return {**PENDULUM, "members": {**usual, **members}}
+
+
+@pytest.mark.parametrize("kind", ["bar", "cable"])
+def test_bars_at_points_of_bodies_pull_in_the_implicit_method_too(kind: str) -> None:
+    """Their tensions are no unknowns there, since points have no coordinates."""
+    two_sided = {"kind": kind, "nodes": ["A", "b.a"], "spring_constant": 1e5}
+    two_sided |= {"tension_only": False, "rest_length": 0.95} if kind == "cable" else {}
+    ends = []
+    for method in ("rk853", "radau"):
+        model = compile_scene(hang(x=two_sided), for_="simulate", method=method)
+        found = simulate(model, 0.1, method=method, rtol=1e-8)
+        assert found.status == "ok"
+        ends.append(found.node_position[-1])
+    np.testing.assert_allclose(ends[1], ends[0], atol=1e-8)
+
+
+def test_rigid_bars_at_points_of_bodies_are_for_explicit_methods_alone() -> None:
+    scene = hang(x={"kind": "bar", "nodes": ["A", "b.a"]})
+    with pytest.raises(FormulationError, match="rigid bars that end at points of bodies"):
+        compile_scene(scene, for_="simulate", method="radau")
+    found = simulate(compile_scene(scene, for_="simulate"), 0.1, rtol=1e-8)
+    assert found.status == "ok"
+    assert "rk853" in found.method
+    end = found.node_position[:, found.node_name.index("b_a")]
+    np.testing.assert_allclose(np.linalg.norm(end - [0, 0, 1], axis=1), np.hypot(0.3, 0.9), rtol=1e-12)
+
+
+def test_a_body_hangs_below_its_rigid_bar() -> None:
+    """The bar carries the weight, and the centre of mass is below its upper end."""
+    scene = {**PENDULUM, "members": {"x": {"kind": "bar", "nodes": ["A", "b.a"]}}}
+    scene["nodes"] = {"A": PENDULUM["nodes"]["A"]}
+    found = find_equilibrium(compile_scene(scene, for_="equilibrium"))
+    assert found.status == "converged"
+    assert found.member_tension[0] == pytest.approx(9.81, rel=1e-9)
+    assert found.body_position is not None
+    np.testing.assert_allclose(found.body_position[0, :2], 0.0, atol=1e-8)
+
+
+@pytest.mark.parametrize("order", ["xy", "yx"])
+def test_a_cable_and_a_bar_side_by_side_compile(order: str) -> None:
+    both = {
+        "x": {"kind": "cable", "nodes": ["A", "b.a"], "spring_constant": 800, "rest_length": 0.5},
+        "y": {"kind": "bar", "nodes": ["A", "b.a"], "spring_constant": 800, "rest_length": 0.5},
+    }
+    found = simulate(compile_scene(hang(**{name: both[name] for name in order}), for_="simulate"), 0.05)
+    assert found.status == "ok"
+
+
+def test_inertias_that_no_body_has_are_refused_at_run_time() -> None:
+    elastic = {"kind": "bar", "nodes": ["A", "b.a"], "spring_constant": 1e5}
+    scene = {**hang(x=elastic), "parameters": {"body_inertia": "all"}}
+    model = compile_scene(scene, for_="simulate")
+    for wrong in ([0.03, 0.05, 0.09], [0.06, 0.05, 0.03]):
+        with pytest.raises(InvalidValueError, match="no body has these principal inertias"):
+            simulate(model, 0.01, arguments={"body_inertia": [wrong]})

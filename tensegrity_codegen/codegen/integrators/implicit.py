@@ -215,6 +215,14 @@ def implicit_spec(
             allowed=f"formulation {in_nodes}, emitters 'unrolled' and 'table'",
             hint="use rk54 in other formulations",
         )
+    if len(bars := np.flatnonzero(subject.is_rigid & subject.ends_at_body)):
+        raise FormulationError(
+            f"the integrator {name!r} does not know rigid bars that end at points of bodies",
+            where=f"{model.name}: model.integrators",
+            given=subject.member_name[bars[0]],
+            allowed="cables and bars with a stiffness there",
+            hint="use rk853, or give the bars a spring_constant",
+        )
     free = set(frame.coordinate_node_axis)
 
     def moving(mask: NDArray[np.bool_]) -> tuple[int, ...]:

@@ -85,6 +85,8 @@ def _wanted_by_auto(structure: Structure | None, formulation: str, rtol: float) 
         return (explicit, DAMPED_INTEGRATOR)
     if structure.ground is not None or structure.collision is not None or structure.internal_name:
         return (explicit,)
+    if (structure.is_rigid & structure.ends_at_body).any():  # which the implicit method does not know
+        return (explicit,)
     mu = structure.mu
     free = np.asarray(~structure.node_anchored[:, list(structure.axes)].all(axis=1))
     stiff = structure.is_mixed & (mu > 0) & free[structure.connectivity].any(axis=1)

@@ -150,6 +150,20 @@ def check_parameter_values(manifest: Manifest, arguments: Mapping[str, Any]) -> 
                 given=float(value[at]),
                 allowed="above 0" if name in ABOVE_ZERO and element not in GROUND_FROM_ZERO else "0 or more",
             )
+        if name == "body_inertia" and value.ndim and value.shape[-1] == 3:
+            _check_inertia(value.reshape(-1, 3))
+
+
+def _check_inertia(rows: NDArray[np.float64]) -> None:
+    """Raise InvalidValueError for principal inertias (n, 3) that no body has."""
+    low, middle, high = rows.T
+    slack = 1e-12 * high
+    wrong = (low > middle + slack) | (middle > high + slack) | (high > low + middle + slack)
+    if wrong.any():
+        problem, given = "no body has these principal inertias", rows[wrong.argmax()].tolist()
+        raise InvalidValueError(
+            problem, where="arguments.body_inertia", given=given, allowed="a <= b <= c <= a + b"
+        )
 
 
 def apply_ground(model: Model, arguments: Mapping[str, Any]) -> Ground | None:

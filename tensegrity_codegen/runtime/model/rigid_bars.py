@@ -1,6 +1,7 @@
 """Rigid bars over the free coordinates: gaps of their lengths, directions they permit, forces they carry.
 
-l_b(q) = k_b,  J = dl/dq (n_bars, n_coordinates): +u_b at node i, -u_b at node j, u_b = d_b / l_b
+l_b(q) = k_b,  J = dl/dq (n_bars, n_coordinates): +u_b at node i, -u_b at node j, u_b = d_b / l_b, times the
+share of each coordinate where an end is a point of a body
 Bars that share free nodes, directly or through others, are one component; each has its own null space of J.
 """
 
@@ -29,24 +30,18 @@ class RigidBars:
         self.length = length
         self.ends = np.array(manifest.connectivity, dtype=np.int64).reshape(-1, 2)[self.row]
         self.size = len(manifest.coordinate_node_axis)
-        self.axes = manifest.axes
-        column_of = np.full((len(manifest.node_name), 3), -1, dtype=np.int64)
-        node_axis = manifest.coordinate_place
-        column_of[node_axis[:, 0], node_axis[:, 1]] = np.arange(self.size)
-        # One entry of J for each bar, end and axis that is free.
-        count = len(self.row)
-        bar = np.repeat(np.arange(count), 6)
-        column = column_of[self.ends].reshape(-1)
-        axis = np.tile(np.arange(3), 2 * count)
-        sign = np.tile(np.repeat([1.0, -1.0], 3), count)
-        free = np.lexsort((column, bar))  # in the order of compressed rows
-        free = free[column[free] >= 0]
-        self.bar, self.column, self.axis, self.sign = bar[free], column[free], axis[free], sign[free]
-        self._pattern = scipy.sparse.csr_array((self.sign, (self.bar, self.column)), shape=(count, self.size))
-        shape = (3 * count, self.size)
-        self._difference = scipy.sparse.csr_array(
-            (self.sign, (3 * self.bar + self.axis, self.column)), shape=shape
-        )
+        # One entry of J for each bar and coordinate that moves an end of it, along the axis of that.
+        row, moved, value = manifest.node_motions
+        shape = (3 * len(manifest.node_name), self.size)
+        moves = scipy.sparse.csr_array((value, (row, moved)), shape=shape)
+        first, second = (3 * self.ends[:, end, None] + np.arange(3) for end in (0, 1))
+        self._difference = moves[first.ravel()] - moves[second.ravel()]
+        place, column = (entry.astype(np.int64) for entry in self._difference.tocoo().coords)
+        order = np.lexsort((column, place // 3))  # of compressed rows
+        self.column, self.sign = column[order], self._difference.tocoo().data[order]
+        self.bar, self.axis = place[order] // 3, place[order] % 3
+        shape = (len(self.row), self.size)
+        self._pattern = scipy.sparse.csr_array((self.sign, (self.bar, self.column)), shape=shape)
 
     def vectors(self, position: FloatArray) -> FloatArray:
         """Return d_b, (n_bars, 3) [m], at node positions (n_nodes, 3)."""

@@ -164,11 +164,6 @@ class Member:
         """Its straight parts: here itself."""
         return (self,)
 
-    @property
-    def is_mixed(self) -> bool:
-        """Whether its tension can be an unknown of its own: a two-sided linear member."""
-        return not self.tension_only and self.law.law.is_linear
-
     @cached_property
     def density(self) -> Scalar:
         """Force density t_e / l_e with damping [N/m]."""

@@ -68,7 +68,10 @@ def read_rotation(compiler: Compiler, values: Mapping[str, str], where: str) -> 
     unit = math.pi / 180 if compiler.in_degrees else 1.0
     if "quat" in values:
         quaternion = read_numbers(values["quat"], f"{where}.quat", (4,))
-        return turn_by_quaternion(quaternion) if any(quaternion) else np.eye(3)
+        if not any(quaternion):
+            allowed = "four numbers w x y z, not all 0"
+            raise InvalidValueError("a quaternion of length 0", where=f"{where}.quat", allowed=allowed)
+        return turn_by_quaternion(quaternion)
     if "axisangle" in values:
         numbers = read_numbers(values["axisangle"], f"{where}.axisangle", (4,))
         return _rotate(np.array(numbers[:3]), numbers[3] * unit)

@@ -54,6 +54,12 @@ class Geom:
             read_number(self.values.get(key, default), f"{self.where}.{key}")
             for key, default in (("mass", "-1"), ("density", str(WATER)))
         )
+        for key, value in (("mass", mass), ("density", density)):
+            if key in self.values and value < 0:
+                problem = f"a negative {key}"
+                raise InvalidValueError(
+                    problem, where=f"{self.where}.{key}", given=value, allowed="0 or more"
+                )
         part, square, is_egg = self.to_part(), self.size**2, self.kind == "ellipsoid"
         if not (part or is_egg or self.kind in MASSLESS) and (mass > 0 or (mass < 0 and density)):
             problem, allowed = "mass and inertia of this geom are not known", "other shapes"

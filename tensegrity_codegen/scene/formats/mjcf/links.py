@@ -192,6 +192,8 @@ def _add_body(walk: _Walk, body: Element, above: Link, frame: _Frame) -> None:
     else:
         allowed = "a free joint, slide joints along axes of the world, a ball joint at the world"
         raise _refuse("these joints are not read", where, allowed, ", ".join(kinds))
+    if any(other.name == name for other in walk.links):
+        raise _refuse("two bodies with one name", where, "each name once", name, "rename one of them")
     walk.links.append(link)
     _fill(walk, body, link, _Frame(-start, np.eye(3), inner.around))
 
