@@ -56,7 +56,9 @@ class PageRun:
         scenes = [EXAMPLES / f"{name}.toml" for name in SCENES.get(self.page, ())]
         if "gallery" in self.page:
             own = (ROOT / self.page).with_suffix(".toml")
-            scenes += [path for path in (own, ROOT / "examples" / own.name) if path.exists()]
+            scenes += [
+                path for path in (own, own.with_suffix(".csv"), ROOT / "examples" / own.name) if path.exists()
+            ]
         for path in scenes:
             shutil.copy(path, self.folder)
         for name, content in FILES.get(self.page, {}).items():
