@@ -14,6 +14,7 @@ import numpy as np
 from harness.turns import print_table, time_in_turns
 from numpy.typing import NDArray
 
+from tensegrity_codegen.export.rigid_parts import numbers
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.integrate.event_log import Watch
@@ -91,7 +92,7 @@ def _describe(step: float) -> str:
             for node, sign in ((first, -1), (second, 1))
         )
         bodies.append(
-            f'<body pos="{_text(middle)}" quat="{_text(turn)}"><freejoint/>'
+            f'<body pos="{numbers(middle)}" quat="{numbers(turn)}"><freejoint/>'
             f'<inertial pos="0 0 0" mass="1" diaginertia="{across!r} {across!r} {along!r}"/>{sites}</body>'
         )
     tendons = []
@@ -103,10 +104,6 @@ def _describe(step: float) -> str:
         f'<mujoco><option timestep="{step!r}" integrator="RK4" gravity="0 0 0"/>'
         f"<worldbody>{''.join(bodies)}</worldbody><tendon>{''.join(tendons)}</tendon></mujoco>"
     )
-
-
-def _text(values: FloatArray) -> str:
-    return " ".join(repr(float(value)) for value in values)
 
 
 if __name__ == "__main__":

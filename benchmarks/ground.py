@@ -24,6 +24,7 @@ import numpy as np
 from harness.turns import describe_origin, replace_figures, table_text, time_in_turns
 from numpy.typing import NDArray
 
+from tensegrity_codegen.export.rigid_parts import numbers
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.integrate.event_log import Watch
@@ -130,7 +131,7 @@ def push_mujoco_ball(options: str, contact: str) -> FloatArray:
     slides = "".join(f'<joint type="slide" axis="{axis}"/>' for axis in ("1 0 0", "0 1 0", "0 0 1"))
     rough = f'friction="0.5 0 0" condim="3" {contact}'
     model = mujoco.MjModel.from_xml_string(
-        f'<mujoco><option timestep="1e-3" gravity="{_text(pull)}" cone="elliptic" {options}/><worldbody>'
+        f'<mujoco><option timestep="1e-3" gravity="{numbers(pull)}" cone="elliptic" {options}/><worldbody>'
         f'<geom type="plane" size="5 5 1" {rough}/><body pos="0 0 {BALL}">{slides}'
         f'<geom type="sphere" size="{BALL}" mass="1" {rough}/></body></worldbody></mujoco>'
     )
@@ -177,7 +178,7 @@ def describe_prism(prism: Structure, step: float) -> str:
         )
         inertia = f'mass="{mass + ends!r}" diaginertia="{across!r} {across!r} {along!r}"'
         bodies.append(
-            f'<body pos="{_text((place[i] + place[j]) / 2)}" quat="{_text(turn)}"><freejoint/>'
+            f'<body pos="{numbers((place[i] + place[j]) / 2)}" quat="{numbers(turn)}"><freejoint/>'
             f'<inertial pos="0 0 0" {inertia}/>{balls}</body>'
         )
     world = (
@@ -188,10 +189,6 @@ def describe_prism(prism: Structure, step: float) -> str:
         f'<mujoco><option timestep="{step!r}" integrator="RK4" gravity="0 0 -{GRAVITY}" cone="elliptic"/>'
         f"<worldbody>{world}</worldbody><tendon>{''.join(tendons)}</tendon></mujoco>"
     )
-
-
-def _text(values: FloatArray) -> str:
-    return " ".join(repr(float(value)) for value in values)
 
 
 # Drake

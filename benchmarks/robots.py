@@ -40,6 +40,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.compilation.flags import build_program_command, find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
+from tensegrity_codegen.export.rigid_parts import numbers
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.pipeline.compile_scene import compile_scene
 from tensegrity_codegen.runtime.integrate.options import Stepping
@@ -337,15 +338,17 @@ def describe_robot(scene: Mapping[str, Any], integrator: str, step: float, flag:
         geoms = "".join(
             f'<geom type="{"sphere" if part["kind"] == "ball" else "cylinder"}" size="{part["radius"]!r}" '
             f'mass="{part["mass"]!r}" '
-            + (f'pos="{_text(part["position"])}" {touch}/>' if "position" in part
-               else f'fromto="{_text(part["from"])} {_text(part["to"])}" contype="0" conaffinity="0"/>')
+            + (f'pos="{numbers(part["position"])}" {touch}/>' if "position" in part
+               else f'fromto="{numbers(part["from"])} {numbers(part["to"])}" contype="0" conaffinity="0"/>')
             for part in body["parts"]
         )  # fmt: skip
         sites = "".join(
-            f'<site name="{name}.{key}" pos="{_text(at["position"] if isinstance(at, dict) else at)}"/>'
+            f'<site name="{name}.{key}" pos="{numbers(at["position"] if isinstance(at, dict) else at)}"/>'
             for key, at in body["points"].items()
         )
-        place = f'pos="{_text(np.add(body["from"], body["to"]) / 2)}" quat="{_text(read_orientation(body))}"'
+        place = (
+            f'pos="{numbers(np.add(body["from"], body["to"]) / 2)}" quat="{numbers(read_orientation(body))}"'
+        )
         bodies.append(f'<body name="{name}" {place}><freejoint/>{geoms}{sites}</body>')
     for name, member in scene["members"].items():
         ends = "".join(f'<site site="{end}"/>' for end in member["nodes"])
@@ -357,7 +360,7 @@ def describe_robot(scene: Mapping[str, Any], integrator: str, step: float, flag:
         if servo:
             servos.append(f'<position tendon="{name}" kp="{SERVO!r}" ctrlrange="0.1 0.3"/>')
     floor = '<geom type="plane" size="5 5 1" contype="2" conaffinity="1"/>' if ground else ""
-    pull = _text(scene.get("gravity", (0.0, 0.0, 0.0)))
+    pull = numbers(scene.get("gravity", (0.0, 0.0, 0.0)))
     return (
         f'<mujoco><compiler angle="radian"/><option timestep="{step!r}" integrator="{integrator}" '
         f'gravity="{pull}" cone="elliptic">{flag}</option><default>'
@@ -365,10 +368,6 @@ def describe_robot(scene: Mapping[str, Any], integrator: str, step: float, flag:
         f'<general dyntype="filter" dynprm="0.05"/></default><worldbody>{floor}{"".join(bodies)}</worldbody>'
         f"<tendon>{''.join(tendons)}</tendon><actuator>{''.join(servos)}</actuator></mujoco>"
     )
-
-
-def _text(values: Any) -> str:
-    return " ".join(repr(float(value)) for value in values)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,8 @@ from tests.scene.samples import build
 
 Array = Any  # NumPy arrays, real or complex
 GRAVITY = 9.81
+# Of the ground under robots.
+LAW = {"stiffness": 2e4, "stick_stiffness": 2e4, "stick_damping": 40.0, "dissipation": 0.3, "friction": 0.6}
 
 
 def make_middle_axis() -> dict[str, Any]:
@@ -125,19 +127,12 @@ def make_dropped_robot(lift: float = 0.32, **ground: Any) -> dict[str, Any]:
             cable = {"kind": "cable", "spring_constant": stiffness, "rest_length": rest, "damping": 2.0}
             members[f"{name}{k}"] = cable | {"nodes": [first, second]}
     touching = [f"rod{k}.{end}" for k in range(3) for end in ("low", "high")]
-    law = {
-        "stiffness": 2e4,
-        "stick_stiffness": 2e4,
-        "stick_damping": 40.0,
-        "dissipation": 0.3,
-        "friction": 0.6,
-    }
     return {
         "name": "dropped",
         "gravity": [0.0, 0.0, -GRAVITY],
         "bodies": bodies,
         "members": members,
-        "ground": {"contacts": touching} | law | ground,
+        "ground": {"contacts": touching} | LAW | ground,
     }
 
 
@@ -172,20 +167,13 @@ def make_standing_robot() -> dict[str, Any]:
                 }
                 members[f"c{i}_{j}"] = cable | {"nodes": ends}
                 used[i], used[j] = used[i] + 1, used[j] + 1
-    law = {
-        "stiffness": 2e4,
-        "stick_stiffness": 2e4,
-        "stick_damping": 40.0,
-        "dissipation": 0.3,
-        "friction": 0.6,
-    }
     feet = [f"rod{k}.foot_{end}" for k in range(6) for end in "ab"]
     return {
         "name": "standing",
         "gravity": [0.0, 0.0, -GRAVITY],
         "bodies": bodies,
         "members": members,
-        "ground": {"contacts": feet} | law,
+        "ground": {"contacts": feet} | LAW,
     }
 
 

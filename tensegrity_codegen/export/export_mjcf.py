@@ -25,6 +25,7 @@ from tensegrity_codegen.export.rigid_parts import (
     numbers,
     write_elements,
 )
+from tensegrity_codegen.scene.describe import find_quaternion
 from tensegrity_codegen.structure.collision import require_no_collision
 from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.outline import hide_bodies
@@ -271,7 +272,7 @@ def _add_rigid_bar(parts: ModelParts, member: int) -> None:
 
 def _add_free_body(parts: ModelParts, part: RigidPart) -> None:
     """Add a rigid body with its frame, its inertia, its parts as pictures, and sites at its points."""
-    quaternion = _find_quaternion(part.rotation)
+    quaternion = find_quaternion(part.rotation)
     body = add(parts.world, "body", name=part.name, pos=numbers(part.origin), quat=numbers(quaternion))
     add(body, "freejoint", name=f"{part.name}.joint")
     inertia = part.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
@@ -281,20 +282,13 @@ def _add_free_body(parts: ModelParts, part: RigidPart) -> None:
         half = np.array((shape.size[0], shape.size[-1]) if shape.kind == "tube" else shape.size)
         half[(0 if shape.kind == "box" else 1) :] /= 2.0
         kind = {"ball": "sphere", "tube": "cylinder"}.get(shape.kind, shape.kind)
-        pose = {"pos": numbers(shape.position), "quat": numbers(_find_quaternion(shape.axes))}
+        pose = {"pos": numbers(shape.position), "quat": numbers(find_quaternion(shape.axes))}
         picture = {"mass": "0", "contype": "0", "conaffinity": "0"}
         add(body, "geom", type=kind, size=numbers(half), **pose, **picture)
     for name, place in part.points.items():
         add(body, "site", name=name, pos=numbers(place), size="0.001")
-    parts.qpos += [*part.origin.tolist(), *quaternion.tolist()]
+    parts.qpos += [*part.origin.tolist(), *quaternion]
     parts.qvel += [*part.velocity.tolist(), *part.spin.tolist()]
-
-
-def _find_quaternion(rotation: FloatArray) -> FloatArray:
-    """Return the unit quaternion (w, x, y, z) of a rotation."""
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_matrix(rotation).as_quat())[[3, 0, 1, 2]]
 
 
 def _add_tendon(parts: ModelParts, member: int) -> None:

@@ -19,7 +19,7 @@ from tensegrity_codegen.system.errors import name_list
 from tensegrity_codegen.system.files import check_ending, plain, write_text
 from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.system.table_files import write_csv
-from tensegrity_codegen.tables.body_places import CORNERS, EDGES
+from tensegrity_codegen.tables.body_places import show_members, show_nodes
 
 if TYPE_CHECKING:
     from tensegrity_codegen.runtime.linear.spectrum import Spectrum
@@ -140,8 +140,8 @@ def list_columns(sensitivity: Sensitivity) -> dict[str, dict[str, Any]]:
     Returns name -> `node` and its `motion` [m/m], the node that moves most; `raised` and `lowered`, the
     members whose tensions rise and fall most, each with `derivative` [N/m], or None if none does.
     """
-    n_nodes = len(sensitivity.node_name) - CORNERS * sensitivity.n_bodies
-    n_members = len(sensitivity.member_name) - EDGES * sensitivity.n_bodies
+    n_nodes = len(show_nodes(sensitivity.node_name, sensitivity.bodies))
+    n_members = len(show_members(sensitivity.member_name, sensitivity.bodies))
     size = np.linalg.norm(sensitivity.node[:n_nodes], axis=1)  # (n_nodes, n_columns)
     result: dict[str, dict[str, Any]] = {}
     for k, name in enumerate(sensitivity.column_name):

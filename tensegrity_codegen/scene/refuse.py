@@ -1,4 +1,4 @@
-"""One way to refuse rows of a table: the first bad row in full, the others counted."""
+"""One way to refuse a key, and rows of a table: the first bad row in full, the others counted."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -7,7 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.names import key_path
-from tensegrity_codegen.system.errors import SceneError, name_list
+from tensegrity_codegen.system.errors import InvalidValueError, SceneError, name_list
+
+
+def require(is_met: bool, problem: str, place: str, given: Any, allowed: str, hint: str = "") -> None:
+    """Raise InvalidValueError about the key at a place unless a condition is met."""
+    if not is_met:
+        raise InvalidValueError(problem, where=place, given=given, allowed=allowed, hint=hint)
 
 
 def refuse(

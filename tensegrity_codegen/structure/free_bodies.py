@@ -18,7 +18,7 @@ from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.body_places import BodyPlace
 
-EDGES = tuple(combinations(range(4), 2))  # corners that the six rigid bars of a body join
+EDGE_CORNERS = tuple(combinations(range(4), 2))  # that the six rigid bars of a body join
 FLATTEST = 1e-12  # of J1: least J3, so that the fourth corner of a flat body has a mass
 THINNEST = 1e-9  # of J1: least J2; below, the body is a bar without a spin of its own
 

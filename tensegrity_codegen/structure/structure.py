@@ -26,7 +26,13 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.system.pickling import reduce_fields
 from tensegrity_codegen.system.summaries import Fact, Summarised, count_names, describe_range
-from tensegrity_codegen.tables.body_places import BodyPlace, join_bodies, label_nodes
+from tensegrity_codegen.tables.body_places import (
+    BodyPlace,
+    join_bodies,
+    label_nodes,
+    show_members,
+    show_nodes,
+)
 from tensegrity_codegen.tables.strands import Strands, list_strands
 
 
@@ -178,20 +184,19 @@ class Structure(WithMemberLaws, Summarised):
         """Return numbers and names, for `repr` and notebooks."""
         held = [name for name, axes in zip(self.node_name, self.node_anchored, strict=True) if axes.any()]
         size = np.ptp(self.node_position, axis=0) if self.n_nodes else np.zeros(3)
-        inside, bars = int(self.is_edge.sum()), int((self.is_bar & ~self.is_edge).sum())
-        n_members = self.n_members - inside
-        n_nodes = self.n_nodes - sum(len(body.corner) for body in self.bodies)
+        bars, members = (
+            int((self.is_bar & ~self.is_edge).sum()),
+            show_members(self.member_name, self.body_places),
+        )
+        nodes, cables = show_nodes(self.node_name, self.body_places), len(members) - bars
         named = [("bodies", count_names([body.name for body in self.bodies]))] if self.bodies else []
         mass = float(self.node_mass.sum() + self.member_mass.sum())
         return [
-            ("nodes", f"{count_names(self.node_name[:n_nodes])}, anchored: {count_names(held)}"),
-            (
-                "members",
-                f"{bars} bars and {n_members - bars} cables: {count_names(self.member_name[:n_members])}",
-            ),
+            ("nodes", f"{count_names(nodes)}, anchored: {count_names(held)}"),
+            ("members", f"{bars} bars and {cables} cables: {count_names(members)}"),
             *named,
             ("size", " x ".join(f"{side:.4g}" for side in size) + f" m, mass {mass:.6g} kg"),
-            ("tension", describe_range(self.static_tension()[:n_members], "N")),
+            ("tension", describe_range(self.static_tension()[: len(members)], "N")),
             ("inputs", count_names([entry.name for entry in self.inputs])),
             ("gravity", f"{self.gravity.tolist()} m/s2"),
         ]

@@ -11,14 +11,14 @@ which is the motion that six multipliers of the edges would give. A force F at t
 (sum over i of a_i D_ik) F to corner k, where u_i = sum over k of D_ik p_k.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
 from tensegrity_codegen.structure.free_bodies import FreeBody
-from tensegrity_codegen.symbolic.geometry import Scalar, Vector, combine, dot
+from tensegrity_codegen.symbolic.geometry import Scalar, Vector, add_vectors, combine, dot
 from tensegrity_codegen.system.arrays import FloatArray
 
 PAIRS = ((1, 2), (2, 0), (0, 1))  # (j, k) of each i
@@ -181,16 +181,6 @@ class BodyFrame:
             [ca.SX(0.0)] * 3, [add_vectors([[x * c for c in v] for x, v in row]) for row in change]
         )
         return [add_vectors(pair) for pair in zip(self.corner_rates, moved, strict=True)]
-
-
-def cross(a: Sequence[Scalar], b: Sequence[Scalar]) -> Vector:
-    """Return a x b; numbers that are zero leave no trace."""
-    return [a[j] * b[k] - a[k] * b[j] for j, k in PAIRS]
-
-
-def add_vectors(vectors: Sequence[Vector]) -> Vector:
-    """Return the sum of vectors, in order."""
-    return [sum(column[1:], column[0]) for column in zip(*vectors, strict=True)]
 
 
 def build_body_quantities(frames: list[BodyFrame]) -> Mapping[str, Callable[[], ca.SX]]:

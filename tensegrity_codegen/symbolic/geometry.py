@@ -27,10 +27,19 @@ def member_vector(start: Vector, end: Vector) -> Vector:
     return [x - y for x, y in zip(start, end, strict=True)]
 
 
+def cross(a: Vector, b: Vector) -> Vector:
+    """Return a x b; numbers that are zero leave no trace."""
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
+def add_vectors(vectors: Iterable[Vector]) -> Vector:
+    """Return the sum of vectors, in order."""
+    return [sum(column[1:], column[0]) for column in zip(*vectors, strict=True)]
+
+
 def combine(parts: Iterable[tuple[int, float]], vectors: list[Vector]) -> Vector:
     """Return the sum of weighted vectors; parts: index and weight of each."""
-    terms = [[weight * x for x in vectors[k]] for k, weight in parts]
-    return [sum(column[1:], column[0]) for column in zip(*terms, strict=True)]
+    return add_vectors([weight * x for x in vectors[k]] for k, weight in parts)
 
 
 def member_length(vector: Vector) -> Scalar:

@@ -24,7 +24,7 @@ from functools import cache, cached_property
 import casadi as ca
 
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.symbolic.geometry import Scalar, Vector, dot
+from tensegrity_codegen.symbolic.geometry import Scalar, Vector, cross, dot
 from tensegrity_codegen.system.errors import FormulationError
 
 # Value of bar_distance_case -> name. C_i is the foot of the axes' common normal on the line of bar i;
@@ -80,11 +80,11 @@ def build_bar_contact(a: Vector, b: Vector, c: Vector, d: Vector, radii: Scalar 
     a, b, c, d = ([*point, *[ca.SX(0.0)] * (3 - len(point))] for point in (a, b, c, d))
     u, v, w = _minus(b, a), _minus(d, c), _minus(c, a)
     uu, vv = dot(u, u), dot(v, v)
-    n = _cross(u, v)
+    n = cross(u, v)
     nn = dot(n, n)
     parallel = ca.logic_not(nn > PARALLEL * PARALLEL * uu * vv)
-    offset = _over(dot(_cross(w, v), n), nn)
-    second = _over(dot(_cross(w, u), n), nn)
+    offset = _over(dot(cross(w, v), n), nn)
+    second = _over(dot(cross(w, u), n), nn)
     start, end = _over(dot(w, u), uu), _over(dot(w, u) + dot(v, u), uu)
     middle = (ca.fmax(0, ca.fmin(start, end)) + ca.fmin(1, ca.fmax(start, end))) / 2
     s = _clamp(ca.if_else(parallel, middle, offset))
@@ -278,7 +278,3 @@ def _over(x: Scalar, y: Scalar) -> Scalar:
 
 def _minus(x: Vector, y: Vector) -> Vector:
     return [p - q for p, q in zip(x, y, strict=True)]
-
-
-def _cross(x: Vector, y: Vector) -> Vector:
-    return [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]]

@@ -269,6 +269,11 @@ class Manifest:
         """Pairs of nodes that a strand or a body joins, (n, 2)."""
         return join_bodies(self.strands.ends, self.body_places)
 
+    @property
+    def body_points(self) -> list[int]:
+        """Nodes that are points of bodies, which have no coordinates."""
+        return [node for body in self.body_places for node in body.point]
+
     @cached_property
     def stated_position(self) -> NDArray[np.float64]:
         """Node positions in the scene as a read-only array, (n_nodes, 3) [m]."""

@@ -249,7 +249,7 @@ def find_quantities(parts: ControllerParts) -> tuple[str, ...]:
         quantities.append("acceleration")
         quantities += ["mass_matrix"] if len(parts.disturbed) else []
         # Places of nodes are coordinates themselves in some models.
-        points = {node for body in parts.manifest.body_places for node in body.point}
+        points = set(parts.manifest.body_points)
         in_nodes = bool(parts.manifest.coordinate_node_axis)
         for sensor in parts.sensors:
             is_stated = in_nodes and points.isdisjoint(sensor.targets)

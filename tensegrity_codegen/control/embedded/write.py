@@ -61,7 +61,7 @@ def _measure(sensor: Sensor, manifest: Manifest) -> list[MeasuredNumber]:
         places = [(body, column) for body in sensor.targets for column in range(len(axes))]
         return [MeasuredNumber("body_angular_velocity", len(axes) * body + k) for body, k in places]
     moves = sensor.kind == "node_velocity"
-    points = {node for body in manifest.body_places for node in body.point}
+    points = set(manifest.body_points)
     numbers = []
     for node in sensor.targets:
         for column, axis in enumerate(axes):

@@ -69,15 +69,6 @@ class BodyParts:
     mesh: BodyMesh | None = None
 
     @classmethod
-    def none(cls, structure: Structure) -> "BodyParts":
-        """Return the parts of a structure of nodes and members, with those of rigid bodies beside them."""
-        return (
-            cls.of(structure)
-            if structure.bodies
-            else cls(np.zeros(structure.n_members, dtype=bool), np.zeros((0, 3), dtype=np.int64))
-        )
-
-    @classmethod
     def of(cls, subject: Structure | BodySystem) -> "BodyParts":
         """Return the parts of the outline of a structure or of bodies."""
         free = subject.bodies if isinstance(subject, Structure) else ()
@@ -129,7 +120,7 @@ class StructureDrawing:
         from matplotlib.collections import LineCollection, PolyCollection
 
         self._structure, self.view = structure, view
-        self._parts = BodyParts.none(structure) if parts is None else parts
+        self._parts = BodyParts.of(structure) if parts is None else parts
         # Members of large structures get thinner, so that they do not run together.
         self._scale = line_scale * float(np.clip((45 / max(structure.n_members, 1)) ** 0.4, 0.18, 1.0))
         self.mappable = None if tension_limit is None else _scale_of(tension_limit)

@@ -256,7 +256,7 @@ ARROW = {"marker": ">", "markersize": 6.0, "markevery": [1]}
 
 def describe_size(structure: Structure, bodies: BodyParts | None = None) -> str:
     """Return the numbers of nodes, rigid bodies, bars and cables in words."""
-    bodies = BodyParts.none(structure) if bodies is None else bodies
+    bodies = BodyParts.of(structure) if bodies is None else bodies
     bars = int((structure.is_bar & ~bodies.edge).sum())
     cables = int((~structure.is_bar).sum())
     amounts = {

@@ -128,7 +128,7 @@ def show_structure(
         position[None],
         None if tension is None else tension[None],
         np.asarray(loads, dtype=float)[None],
-        BodyParts.none(structure) if bodies is None else bodies,
+        BodyParts.of(structure) if bodies is None else bodies,
     )
 
 

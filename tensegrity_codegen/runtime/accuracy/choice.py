@@ -19,6 +19,7 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments, find_changing
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.body_places import show_members
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.integrators import DAMPED_INTEGRATOR, STIFF_INTEGRATOR
 
@@ -224,8 +225,8 @@ def _choose_explicit(model: CompiledModel, names: tuple[str, ...], rtol: float) 
 def _tell_rigid(model: CompiledModel) -> str:
     """Return how many rigid bars there are and how many of them meet, nothing where there are none."""
     ends = dict(zip(model.manifest.member_name, model.manifest.connectivity, strict=True))
-    inside = {node for body in model.manifest.body_places for node in body.corner}
-    bars = [bar for bar in model.manifest.rigid_bar if ends[bar][0] not in inside]
+    shown = set(show_members(model.manifest.member_name, model.manifest.body_places))
+    bars = [bar for bar in model.manifest.rigid_bar if bar in shown]
     if not bars:
         return ""
     free = set(model.manifest.coordinate_place[:, 0].tolist())

@@ -87,7 +87,7 @@ def tolerance_for(
     """Return the tolerance of a model's states; atol_speed: the same number as atol if not given."""
     first, groups = manifest.vectors
     result = Tolerance(rtol, atol, atol if atol_speed is None else atol_speed, first, groups, length)
-    nodes = np.array([node for body in manifest.body_places for node in body.point], dtype=np.int64)
+    nodes = np.array(manifest.body_points, dtype=np.int64)
     if not nodes.size:
         return result
     count = len(manifest.coordinate_name)

@@ -17,6 +17,7 @@ import scipy
 
 from tensegrity_codegen.runtime.model.arguments import apply_ground, apply_loads
 from tensegrity_codegen.runtime.model.interface import Model
+from tensegrity_codegen.runtime.model.placement import build_node_matrix
 from tensegrity_codegen.structure.applied_inputs import find_input_force
 from tensegrity_codegen.structure.ground_support import refuse_ground
 from tensegrity_codegen.structure.structure import Structure
@@ -58,9 +59,7 @@ class Contacts:
         self.dragged: FloatArray | None = None
         self.load_factor = 1.0
         self.external = compute_external_force(self.structure, model, arguments)
-        row, column, value = model.manifest.node_motions
-        shape = (3 * structure.n_nodes, structure.n_coordinates)
-        self._nodes = scipy.sparse.csr_array((value, (row, column)), shape=shape)
+        self._nodes = build_node_matrix(model.manifest)
         # Motion of the centres of balls, and of their lowest points: rows of contacts (3 n_contacts, n).
         contacts = (3 * ground.node[:, None] + np.arange(3)).ravel()
         self.motion = self.surface = scipy.sparse.csr_array(self._nodes[contacts])

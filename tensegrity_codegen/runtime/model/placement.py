@@ -17,6 +17,15 @@ NEAR_POLE = 1e-3
 NEAREST_POLE = 1e-6
 
 
+def build_node_matrix(manifest: Manifest) -> Any:
+    """Return how nodes move with coordinates that are theirs, sparse (3 n_nodes, n_coordinates)."""
+    import scipy  # which motions do not need
+
+    row, column, value = manifest.node_motions
+    shape = (3 * len(manifest.node_name), len(manifest.coordinate_node_axis))
+    return scipy.sparse.csr_array((value, (row, column)), shape=shape)
+
+
 def place_nodes(
     model: Model,
     coordinate: FloatArray,

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import scipy
 
+from tensegrity_codegen.runtime.model.placement import build_node_matrix
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.tables.manifest import Manifest
 
@@ -31,14 +32,13 @@ class RigidBars:
         self.ends = np.array(manifest.connectivity, dtype=np.int64).reshape(-1, 2)[self.row]
         self.size = len(manifest.coordinate_node_axis)
         # One entry of J for each bar and coordinate that moves an end of it, along the axis of that.
-        row, moved, value = manifest.node_motions
-        shape = (3 * len(manifest.node_name), self.size)
-        moves = scipy.sparse.csr_array((value, (row, moved)), shape=shape)
+        moves = build_node_matrix(manifest)
         first, second = (3 * self.ends[:, end, None] + np.arange(3) for end in (0, 1))
         self._difference = moves[first.ravel()] - moves[second.ravel()]
-        place, column = (entry.astype(np.int64) for entry in self._difference.tocoo().coords)
+        entries = self._difference.tocoo()
+        place, column = (index.astype(np.int64) for index in entries.coords)
         order = np.lexsort((column, place // 3))  # of compressed rows
-        self.column, self.sign = column[order], self._difference.tocoo().data[order]
+        self.column, self.sign = column[order], entries.data[order]
         self.bar, self.axis = place[order] // 3, place[order] % 3
         shape = (len(self.row), self.size)
         self._pattern = scipy.sparse.csr_array((self.sign, (self.bar, self.column)), shape=shape)

@@ -190,8 +190,7 @@ class ModelPath:
             column = {axis: k for k, axis in enumerate(manifest.axes)}
             for node, axis in manifest.coordinate_node_axis:
                 moves[node, column[axis]] = True
-            for body in manifest.body_places:
-                moves[list(body.point)] = True
+            moves[manifest.body_points] = True
         else:
             jacobian = self.compute("node_jacobian", self.model.nominal("coordinate").ravel(), 0.0)
             moves = np.asarray(abs(jacobian).sum(axis=1)).reshape(loaded.shape) > 0

@@ -35,7 +35,7 @@ from tensegrity_codegen.system.errors import (
     check_choice,
 )
 from tensegrity_codegen.system.summaries import Summarised
-from tensegrity_codegen.tables.body_places import EDGES, find_shown, label_nodes
+from tensegrity_codegen.tables.body_places import BodyPlace, find_shown, label_nodes, show_members
 
 Columns = Sequence[str] | Mapping[str, Sequence[str]]
 REST_LENGTH_TOLERANCE = 1e-9  # extension over length up to which a cable may go slack or taut
@@ -77,8 +77,8 @@ class Sensitivity(Summarised):
         What one iterative refinement changed, as part of the largest dq/drho.
     residual, largest_force : float
         Largest node residual and member force of the equilibrium [N].
-    n_bodies : int
-        Number of rigid bodies, whose corners and edges are the last nodes and members.
+    bodies : tuple of BodyPlace
+        Rigid bodies, whose corners and edges are the last nodes and members.
     """
 
     coordinate: FloatArray
@@ -96,7 +96,7 @@ class Sensitivity(Summarised):
     rounding: float
     residual: float
     largest_force: float
-    n_bodies: int = 0
+    bodies: tuple[BodyPlace, ...] = ()
 
     def rank_for_node(self, node: str, axis: str = "z", most: int = 5) -> list[tuple[str, float]]:
         """Return the columns that move a node most along an axis.
@@ -174,9 +174,9 @@ class Sensitivity(Summarised):
 def select_columns(model: Model, columns: Columns | None) -> tuple[tuple[str, ...], Any]:
     """Return names of columns, and the gain of each on the rest lengths (n_members, n_columns)."""
     member_name = model.manifest.member_name
-    count = len(member_name) - EDGES * len(model.manifest.body_places)
-    if columns is None and count:
-        return tuple(member_name[:count]), scipy.sparse.eye_array(len(member_name), count, format="csc")
+    shown = show_members(member_name, model.manifest.body_places)
+    if columns is None and shown:
+        return tuple(shown), scipy.sparse.eye_array(len(member_name), len(shown), format="csc")
     names = check_names(columns or (), "columns")
     if not names:
         raise InvalidValueError(
@@ -387,7 +387,7 @@ def _solve(
         rounding=refinement_change,
         residual=point.node_force,
         largest_force=point.largest_force,
-        n_bodies=len(manifest.body_places),
+        bodies=manifest.body_places,
     )
 
 

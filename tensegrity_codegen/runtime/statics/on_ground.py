@@ -192,7 +192,7 @@ def _is_held(problem: StaticProblem, direction: FloatArray) -> bool:
     """Return whether an anchor holds a node along a direction (3,)."""
     axes = np.flatnonzero(np.abs(direction) > 1e-12 * np.linalg.norm(direction))
     manifest = problem.model.manifest
-    count = len(manifest.node_name) - sum(len(body.point) for body in manifest.body_places)
+    count = len(manifest.node_name) - len(manifest.body_points)
     return bool(min(np.sum(problem.axis == axis) for axis in axes) < count)
 
 

@@ -18,7 +18,7 @@ from tensegrity_codegen.runtime.contacts.rest_memory import (
 )
 from tensegrity_codegen.runtime.model.arguments import check_parameter_values, merge_inputs
 from tensegrity_codegen.runtime.model.interface import Model, require_quantities
-from tensegrity_codegen.runtime.model.placement import place_nodes
+from tensegrity_codegen.runtime.model.placement import build_node_matrix, place_nodes
 from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT, SINGULAR_TOLERANCE
 from tensegrity_codegen.runtime.statics.stiff_members import StiffMembers, choose_stiff, find_spring_constants
 from tensegrity_codegen.structure.structure import Structure
@@ -184,10 +184,7 @@ class StaticProblem:
                 )
             self.contacts = Contacts(model, self.arguments)
         # Velocities of nodes (3 n_nodes, n_coordinates) of those of coordinates.
-        row, column, value = model.manifest.node_motions
-        self._velocity = scipy.sparse.csr_array(
-            (value, (row, column)), shape=(3 * len(model.manifest.node_name), self.size)
-        )
+        self._velocity = build_node_matrix(model.manifest)
 
     @classmethod
     def list_needed_quantities(cls, model: Model) -> tuple[str, ...]:
@@ -407,8 +404,7 @@ class StaticProblem:
 
     def find_unbalanced_axis(self, residual: FloatArray, noise: float) -> tuple[int, float] | None:
         """Return the first axis without anchors on which loads do not cancel, and their sum [N]."""
-        n_nodes = len(self.model.manifest.node_name)
-        n_nodes -= sum(len(body.point) for body in self.model.manifest.body_places)
+        n_nodes = len(self.model.manifest.node_name) - len(self.model.manifest.body_points)
         if self.contacts is not None:
             return None
         for axis in self.model.manifest.axes:

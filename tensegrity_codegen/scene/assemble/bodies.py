@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.assemble.free_bodies import read_inertia
 from tensegrity_codegen.scene.names import check_known, key_path
+from tensegrity_codegen.scene.refuse import require
 from tensegrity_codegen.scene.schema.body_schema import BarBody, FixedPart, PointTable, RigidPart
 from tensegrity_codegen.structure.bodies import Bar, Body, Chart, FixedBody, RigidBody
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, StructureError
+from tensegrity_codegen.system.errors import DuplicateNameError, StructureError
 
 Table: TypeAlias = FixedPart | BarBody | RigidPart
 
@@ -133,14 +134,16 @@ def _bar(
     if table.anchor is None:
         is_met, allowed = table.centre is not None, "centre = [x, y, z] [m], or anchor"
         hint = "give the position of its middle, or hold one end"
-        _need(is_met, "a free bar without a position", f"{place}.centre", None, allowed, hint)
+        require(is_met, "a free bar without a position", f"{place}.centre", None, allowed, hint)
         is_met, hint = inertia > 0, "omit it for the inertia of a uniform bar"
-        _need(is_met, "a free bar without inertia", f"{place}.inertia", inertia, "more than 0 [kg m2]", hint)
+        require(
+            is_met, "a free bar without inertia", f"{place}.inertia", inertia, "more than 0 [kg m2]", hint
+        )
     else:
         position = table.centre or table.centre_velocity
         is_met, allowed = position is None, "anchor or centre, not both"
         hint = "remove it"
-        _need(is_met, "a held bar has no position of its own", f"{place}.centre", position, allowed, hint)
+        require(is_met, "a held bar has no position of its own", f"{place}.centre", position, allowed, hint)
         points = [point for point in node if not point.startswith(f"{name}.") or point == table.anchor]
         problem = "the bar is held at a point that does not exist"
         check_known(table.anchor, points, problem, '"body.point"', f"{place}.anchor")
@@ -164,12 +167,12 @@ def _bar_mass(table: BarBody, place: str) -> float:
     is_met = sum(value is not None for value in stated.values()) == 1
     problem = "a body without mass" if table.mass is None else "mass and density cannot be given together"
     allowed = "one of mass [kg], density [kg/m3] with radius"
-    _need(is_met, problem, f"{place}.mass", table.mass, allowed, "every body that moves needs a mass")
+    require(is_met, problem, f"{place}.mass", table.mass, allowed, "every body that moves needs a mass")
     if table.mass is not None:
         return table.mass
     radius, inner = table.radius or 0.0, table.inner_radius or 0.0
     allowed, hint = "a radius greater than inner_radius", "give radius, or mass in place of density"
-    _need(radius > inner, "a density needs a section", f"{place}.radius", table.radius, allowed, hint)
+    require(radius > inner, "a density needs a section", f"{place}.radius", table.radius, allowed, hint)
     return float(table.density or 0.0) * math.pi * (radius**2 - inner**2) * table.length
 
 
@@ -180,14 +183,14 @@ def _chart(table: BarBody, place: str) -> tuple[Chart, float, float]:
     if table.direction is not None:
         is_met, problem = not any(angle is not None for angle in angles), "a direction and angles"
         allowed = "either direction or angles"
-        _need(is_met, problem, f"{place}.direction", table.direction, allowed, "leave one of the two out")
+        require(is_met, problem, f"{place}.direction", table.direction, allowed, "leave one of the two out")
         return _chart_of_direction(table.direction, table.polar_axis, offset, place)
     is_met = (table.declination_deg is None) != (
         table.elevation_deg is None
     ) and table.azimuth_deg is not None
     allowed = "direction, or azimuth_deg with one of declination_deg, elevation_deg"
     hint = "azimuth_deg = 0, declination_deg = 90 lies along the axis after the polar one"
-    _need(is_met, "a bar needs a direction", place, None, allowed, hint)
+    require(is_met, "a bar needs a direction", place, None, allowed, hint)
     axis = 2 if table.polar_axis == "auto" else "xyz".index(table.polar_axis)
     azimuth = math.radians(table.azimuth_deg or 0.0)
     if table.declination_deg is not None:
@@ -210,7 +213,9 @@ def _chart_of_direction(
     size = float(np.linalg.norm(vector))
     is_met, problem = math.isfinite(size) and size > 0, "a direction of length zero"
     allowed = "a vector that is not zero"
-    _need(is_met, problem, f"{place}.direction", direction, allowed, "take the difference of the ends, B - A")
+    require(
+        is_met, problem, f"{place}.direction", direction, allowed, "take the difference of the ends, B - A"
+    )
     unit = vector / size
     axis = int(np.argmin(np.abs(unit))) if polar_axis == "auto" else "xyz".index(polar_axis)
     chart = Chart(axis, "declination", offset)
@@ -223,7 +228,7 @@ def _chart_of_direction(
 def _check_margin(margin: float, place: str, hint: str) -> None:
     problem = "the body starts at the pole of its angles, where they have no meaning"
     allowed = f"a sine of the angle to the pole of at least {MIN_MARGIN:g}"
-    _need(margin >= MIN_MARGIN, problem, place, margin, allowed, hint)
+    require(margin >= MIN_MARGIN, problem, place, margin, allowed, hint)
 
 
 def _rigid(name: str, table: RigidPart, place: str) -> RigidBody:
@@ -233,13 +238,13 @@ def _rigid(name: str, table: RigidPart, place: str) -> RigidBody:
         "mass, inertia, centre, Euler angles",
     )
     hint = "write the tendons as members"
-    _need(not new, problem, f"{place}.{new[0] if new else ''}", new, allowed, hint)
+    require(not new, problem, f"{place}.{new[0] if new else ''}", new, allowed, hint)
     for key in ("mass", "inertia", "centre"):
         is_met, problem = getattr(table, key) is not None, "a needed key is missing"
-        _need(is_met, problem, f"{place}.{key}", None, f"the key {key!r}", f"add {key!r}")
+        require(is_met, problem, f"{place}.{key}", None, f"the key {key!r}", f"add {key!r}")
     assert table.mass is not None
     assert table.inertia is not None
-    _need(table.mass > 0, "a body needs a mass above 0", f"{place}.mass", table.mass, "mass > 0 [kg]", "")
+    require(table.mass > 0, "a body needs a mass above 0", f"{place}.mass", table.mass, "mass > 0 [kg]", "")
     inertia = read_inertia(table.inertia, place)
     _check_margin(abs(math.cos(math.radians(table.phi_deg))), f"{place}.phi_deg", "turn the body's frame")
     a, b, c = ((float(x), float(y), float(z)) for x, y, z in inertia)
@@ -262,8 +267,3 @@ def _check_circle(bodies: Sequence[Body], owners: Sequence[int], where: str) -> 
             if len(path) > len(bodies) + 1:  # a circle further on, reported from there
                 break
             here = bodies[path[-1]]
-
-
-def _need(holds: bool, problem: str, place: str, given: object, allowed: str, hint: str) -> None:
-    if not holds:
-        raise InvalidValueError(problem, where=place, given=given, allowed=allowed, hint=hint)

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.scene.refuse import require
 from tensegrity_codegen.scene.schema.body_schema import BodyTable, PartTable, PointTable, RigidPart
 from tensegrity_codegen.structure.free_bodies import (
-    EDGES,
+    EDGE_CORNERS,
     THINNEST,
     BodyPart,
     FreeBody,
@@ -105,7 +106,7 @@ def add_corners(
     node = _with_nodes(node, names, motions, mass)
     plain = tuple(name.replace(".", "_") for name in node["node_name"])
     repeated = [name for name in plain[first:] if name in plain[:first]]
-    edges = [f"{body.name}_edge{i + 1}{j + 1}" for body in bodies for i, j in EDGES]
+    edges = [f"{body.name}_edge{i + 1}{j + 1}" for body in bodies for i, j in EDGE_CORNERS]
     repeated += [name for name in edges if name in member["member_name"]]
     if repeated:
         problem, location = "a corner or an edge of a body has this name already", key_path(where, "bodies")
@@ -135,7 +136,9 @@ def _with_edges(
     member: dict[str, Any], names: list[str], bodies: Sequence[FreeBody], position: FloatArray
 ) -> dict[str, Any]:
     """Return the arrays of members with the six rigid bars of each body behind them."""
-    ends = np.array([(body.corner[i], body.corner[j]) for body in bodies for i, j in EDGES]).reshape(-1, 2)
+    ends = np.array([(body.corner[i], body.corner[j]) for body in bodies for i, j in EDGE_CORNERS]).reshape(
+        -1, 2
+    )
     length = np.linalg.norm(position[ends[:, 0]] - position[ends[:, 1]], axis=1)
     count = len(names)
     added = {
@@ -231,8 +234,8 @@ def _mass(table: RigidPart, parts: Sequence[BodyPart], place: str) -> tuple[floa
         inertia = np.zeros((3, 3))
         for part in heavy:
             arm = part.position - centre
-            steiner = part.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-            inertia += part.axes @ np.diag(compute_unit_inertia(part)) @ part.axes.T * part.mass + steiner
+            own = part.axes @ np.diag(compute_unit_inertia(part)) @ part.axes.T
+            inertia += own * part.mass + move_mass(part.mass, arm)
     else:
         need(table.mass is not None, "a body without mass", "mass", table.mass, allowed)
         need((table.mass or 0.0) > 0, "a body needs a mass above 0", "mass", table.mass, allowed)
@@ -252,6 +255,11 @@ def _mass(table: RigidPart, parts: Sequence[BodyPart], place: str) -> tuple[floa
         "a thin bar is a member of kind bar; a body has a radius",
     )
     return mass, inertia, centre
+
+
+def move_mass(mass: float, arm: FloatArray) -> FloatArray:
+    """Return the inertia (3, 3) of a mass at an arm (3,), which a body there has besides its own."""
+    return np.asarray(mass * (arm @ arm * np.eye(3) - np.outer(arm, arm)))
 
 
 def read_inertia(stated: Any, place: str) -> FloatArray:
@@ -282,10 +290,7 @@ class _Need:
     def __call__(
         self, is_met: bool, problem: str, key: str, given: Any, allowed: str, hint: str = ""
     ) -> None:
-        if not is_met:
-            raise InvalidValueError(
-                problem, where=f"{self.place}.{key}", given=given, allowed=allowed, hint=hint
-            )
+        require(is_met, problem, f"{self.place}.{key}", given, allowed, hint)
 
 
 # Orientation
@@ -301,6 +306,17 @@ def turn_by_quaternion(quaternion: Sequence[float]) -> FloatArray:
             [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
         ]
     )
+
+
+def turn_about(axis: FloatArray, angle: float) -> FloatArray:
+    """Return the matrix of a rotation about an axis by an angle [rad]."""
+    size = float(np.linalg.norm(axis))
+    if not size or not angle:
+        return np.eye(3)
+    x, y, z = axis / size
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    matrix: FloatArray = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+    return matrix
 
 
 def turn_to(direction: FloatArray) -> FloatArray:
@@ -337,9 +353,7 @@ def _orientation(table: RigidPart, place: str) -> tuple[FloatArray, FloatArray]:
         _unit(table.quaternion, "quaternion", place)
         return turn_by_quaternion(table.quaternion), origin
     if table.axis is not None:
-        half = math.radians(table.angle_deg or 0.0) / 2.0
-        axis = _unit(table.axis, "axis", place)
-        return turn_by_quaternion([math.cos(half), *(math.sin(half) * axis)]), origin
+        return turn_about(_unit(table.axis, "axis", place), math.radians(table.angle_deg or 0.0)), origin
     if table.from_ is not None:
         start, end = np.array(table.from_), np.array(table.to)
         return turn_to(_unit(end - start, "to", place)), (start + end) / 2.0

@@ -18,8 +18,8 @@ import numpy as np
 from tensegrity_codegen.structure.rigid_bars import find_rigid_bars
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
-from tensegrity_codegen.symbolic.free_bodies import BodyFrame, add_vectors, build_body_quantities, cross
-from tensegrity_codegen.symbolic.geometry import Scalar, Vector, combine, dot
+from tensegrity_codegen.symbolic.free_bodies import BodyFrame, build_body_quantities
+from tensegrity_codegen.symbolic.geometry import Scalar, Vector, add_vectors, combine, cross, dot
 from tensegrity_codegen.symbolic.interference import build_bar_quantities
 from tensegrity_codegen.symbolic.jacobians import by_inputs, by_parameters
 from tensegrity_codegen.symbolic.members.member import Member, MemberBlocks

@@ -23,8 +23,8 @@ import numpy as np
 from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
-from tensegrity_codegen.symbolic.free_bodies import BodyFrame, cross
-from tensegrity_codegen.symbolic.geometry import Scalar, Vector, dot
+from tensegrity_codegen.symbolic.free_bodies import BodyFrame
+from tensegrity_codegen.symbolic.geometry import Scalar, Vector, cross, dot
 from tensegrity_codegen.symbolic.node_forces.node_force import NodeForce, NormalForce
 from tensegrity_codegen.system.arrays import FloatArray
 

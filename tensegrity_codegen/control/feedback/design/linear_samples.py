@@ -18,7 +18,7 @@ from tensegrity_codegen.runtime.model.arguments import INPUT, merge_inputs
 from tensegrity_codegen.runtime.model.arrays import check_shape, to_sized
 from tensegrity_codegen.runtime.model.interface import Described, require_double, require_quantities
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.placement import place_nodes
+from tensegrity_codegen.runtime.model.placement import build_node_matrix, place_nodes
 from tensegrity_codegen.runtime.records.timed_motion import Motion, MotionPoint
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.scene.subject import Subject
@@ -45,10 +45,7 @@ def find_following(model: Described, coordinate: FloatArray) -> FloatArray:
     if not manifest.internal_name:
         return np.zeros((0, n))
     ground: Any = getattr(structure, "ground", None)
-    row, column, value = manifest.node_motions
-    flat = np.zeros((3 * len(manifest.node_name), n))
-    flat[row, column] = value
-    nodes = flat.reshape(-1, 3, n)
+    nodes = build_node_matrix(manifest).toarray().reshape(-1, 3, n)
     moves, position = nodes[ground.node], place_nodes(model, coordinate)  # type: ignore[arg-type]
     for body in manifest.body_places:
         for c in np.flatnonzero(np.isin(ground.node, body.point) & (ground.radius > 0)):

@@ -7,7 +7,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from tensegrity_codegen.scene.assemble.free_bodies import turn_by_quaternion, turn_to
+from tensegrity_codegen.scene.assemble.free_bodies import turn_about, turn_by_quaternion, turn_to
 from tensegrity_codegen.scene.formats.files.documents import read_numbers
 from tensegrity_codegen.scene.formats.mjcf.defaults import Defaults
 from tensegrity_codegen.system.arrays import FloatArray
@@ -74,7 +74,7 @@ def read_rotation(compiler: Compiler, values: Mapping[str, str], where: str) -> 
         return turn_by_quaternion(quaternion)
     if "axisangle" in values:
         numbers = read_numbers(values["axisangle"], f"{where}.axisangle", (4,))
-        return _rotate(np.array(numbers[:3]), numbers[3] * unit)
+        return turn_about(np.array(numbers[:3]), numbers[3] * unit)
     if "zaxis" in values:
         return _turn_to(read_vector(values, "zaxis", where))
     if "xyaxes" in values:
@@ -87,21 +87,10 @@ def read_rotation(compiler: Compiler, values: Mapping[str, str], where: str) -> 
     if "euler" in values:
         angles = read_numbers(values["euler"], f"{where}.euler", (3,))
         for letter, value in zip(compiler.sequence, angles, strict=True):
-            turn = _rotate(np.eye(3)["xyz".index(letter.lower())], value * unit)
+            turn = turn_about(np.eye(3)["xyz".index(letter.lower())], value * unit)
             total = total @ turn if letter.islower() else turn @ total
     return total
 
 
 def _turn_to(direction: FloatArray) -> FloatArray:
     return turn_to(direction / (np.linalg.norm(direction) or 1.0))
-
-
-def _rotate(axis: FloatArray, angle: float) -> FloatArray:
-    """Return the matrix of a rotation about an axis by an angle [rad]."""
-    size = float(np.linalg.norm(axis))
-    if not size or not angle:
-        return np.eye(3)
-    x, y, z = axis / size
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    matrix: FloatArray = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
-    return matrix

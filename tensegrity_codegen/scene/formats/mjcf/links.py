@@ -8,6 +8,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.scene.assemble.free_bodies import move_mass
 from tensegrity_codegen.scene.formats.files.documents import read_number, read_numbers
 from tensegrity_codegen.scene.formats.mjcf.defaults import MAIN, Defaults
 from tensegrity_codegen.scene.formats.mjcf.frames import Compiler, read_pose, read_rotation, read_vector
@@ -64,9 +65,7 @@ class Link:
         if total > 0:
             apart = centre - self.centre
             share = self.mass * mass / total
-            self.inertia = (
-                self.inertia + inertia + share * (apart @ apart * np.eye(3) - np.outer(apart, apart))
-            )
+            self.inertia = self.inertia + inertia + move_mass(share, apart)
             self.centre = (self.mass * self.centre + mass * centre) / total
         self.mass = total
 
