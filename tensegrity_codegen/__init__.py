@@ -65,6 +65,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
     from tensegrity_codegen.runtime.statics.batch.find_equilibria import find_equilibria
     from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium, SegmentError
+    from tensegrity_codegen.runtime.stepper.stepper import Stepper
     from tensegrity_codegen.runtime.trajectory.trajectory import BatchTrajectory, Trajectory
     from tensegrity_codegen.scene.read import read_scene
     from tensegrity_codegen.scene.schema.schema import Scene
@@ -121,6 +122,7 @@ __all__ = [
     "Sizing",
     "Stand",
     "StatedErrors",
+    "Stepper",
     "Stepping",
     "Structure",
     "SymbolicFunctions",
@@ -224,6 +226,7 @@ _NAMES = {
     "runtime.statics.batch.equilibria": ("Equilibria",),
     "runtime.statics.batch.find_equilibria": ("find_equilibria",),
     "runtime.statics.equilibrium_record": ("Equilibrium", "SegmentError"),
+    "runtime.stepper.stepper": ("Stepper",),
     "runtime.trajectory.trajectory": ("BatchTrajectory", "Trajectory"),
     "scene.read": ("read_scene",),
     "scene.schema.schema": ("Scene",),

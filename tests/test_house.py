@@ -23,7 +23,7 @@ from tensegrity_codegen.scene.shapes.icosahedron import IcosahedronShape
 from tensegrity_codegen.scene.shapes.prism import PrismShape
 from tensegrity_codegen.scene.shapes.tower import TowerShape
 from tensegrity_codegen.scene.shapes.two_nodes import TwoNodeShape
-from tensegrity_codegen.tables.manifest import SOLVER_STATUS, STATUS
+from tensegrity_codegen.tables.manifest import ALL_STATUS
 from tensegrity_codegen.tables.quantities import PARAMETERS, QUANTITIES
 from tests.cli.test_startup import HEAVY, find_loaded
 from tests.test_english import MODULES, parse
@@ -417,5 +417,5 @@ def test_the_model_page_defines_what_the_table_of_quantities_holds() -> None:
 def test_the_embedding_page_states_the_status_codes() -> None:
     rows = re.findall(r"^\| `PRISM_([A-Z_]+)` \| (\d+) \|", document("docs/embedding.md"), re.MULTILINE)
     assert [(name.lower(), int(value)) for name, value in rows] == [
-        (name, value) for value, name in enumerate((*STATUS, *SOLVER_STATUS))
+        (name, value) for value, name in enumerate(ALL_STATUS)
     ]

@@ -91,6 +91,7 @@ def build_manifest(
         column_name=frame.column_name,
         ring_nodes=frame.ring_nodes,
         body_places=frame.body_places,
+        copies=request.copies,
         parts=list_parts(request, integrators, driven, describe_unwatched(request, model.subject)),
     )
 

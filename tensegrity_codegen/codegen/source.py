@@ -18,7 +18,11 @@ from tensegrity_codegen.codegen.casadi_functions import (
 )
 from tensegrity_codegen.codegen.compilation.flags import INSTRUCTION_SETS, find_flags
 from tensegrity_codegen.codegen.emitter import Bodies, PrunedFunction, WantedFunction, result_size
-from tensegrity_codegen.codegen.integrators.integrators import integrator_context, motion_settings
+from tensegrity_codegen.codegen.integrators.integrators import (
+    copies_context,
+    integrator_context,
+    motion_settings,
+)
 from tensegrity_codegen.codegen.integrators.solvers import solver_context
 from tensegrity_codegen.codegen.integrators.work_memory import count_line
 from tensegrity_codegen.codegen.print.lane_printer import PrintedLanes
@@ -27,9 +31,8 @@ from tensegrity_codegen.codegen.print.reachable import drop_unreached
 from tensegrity_codegen.codegen.print.render import BANNER, render, wrap_lines
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.manifest import (
+    ALL_STATUS,
     C_API_VERSION,
-    SOLVER_STATUS,
-    STATUS,
     STATUS_TEXT,
     ArgumentSpec,
     FunctionSpec,
@@ -177,6 +180,12 @@ def _context(
     passed |= {"velocity", "internal"} if manifest.integrators else set()
     has_table_file = _count_constants(manifest) > MAX_CONSTANTS
     integrators = integrator_context(manifest, arguments, _find_reach(manifest, functions))
+    function_contexts = [
+        _function_context(f, by_quantity[f.quantity.name], arguments, bodies)
+        | {"lanes": lanes.get(f.quantity.name)}
+        | {"label": label_entries(manifest, by_quantity[f.quantity.name])}
+        for f in functions
+    ]
     return {
         "banner": BANNER,
         "flags": " ".join(find_flags(manifest.flags).options),
@@ -185,7 +194,7 @@ def _context(
         "NAME": manifest.name.upper(),
         "sources": f"{manifest.name}.c {manifest.name}_tables.c" if has_table_file else f"{manifest.name}.c",
         "tables_apart": has_table_file,
-        "statuses": {word: number for number, word in enumerate((*STATUS, *SOLVER_STATUS))},
+        "statuses": {word: number for number, word in enumerate(ALL_STATUS)},
         "status_text": STATUS_TEXT,
         "c_api_version": C_API_VERSION,
         "abi_version": manifest.abi_version,
@@ -211,12 +220,8 @@ def _context(
         "coordinate_node": [node for node, _ in manifest.coordinate_node_axis],
         "coordinate_axis": [axis for _, axis in manifest.coordinate_node_axis],
         "arguments": [argument for name, argument in arguments.items() if name in passed],
-        "functions": [
-            _function_context(f, by_quantity[f.quantity.name], arguments, bodies)
-            | {"lanes": lanes.get(f.quantity.name)}
-            | {"label": label_entries(manifest, by_quantity[f.quantity.name])}
-            for f in functions
-        ],
+        "functions": function_contexts,
+        "copies": copies_context(manifest, arguments, function_contexts),
         "batch": {
             "width": manifest.batch_width,
             "line": count_line(precision),

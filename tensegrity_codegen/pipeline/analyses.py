@@ -36,8 +36,9 @@ from tensegrity_codegen.system.errors import check_choice
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.request import AUTO_EVENTS, ModelRequest
 
-ANALYSES_WITH_RING_FRICTION = ("simulate", "simulate_batch", "equilibrium", "equilibria", "linearize")
+ANALYSES_WITH_RING_FRICTION = ("simulate", "simulate_batch", "step", "equilibrium", "equilibria", "linearize")
 BATCH_WIDTH = 8  # motions side by side where the request names no number
+STEP_METHOD = "rk54"  # of copies that are advanced by samples where none is named
 MOST_PAIRS = 500  # of bars whose distances a plan reports without a limit of them
 
 
@@ -51,6 +52,7 @@ class Needs:
     batch_width: int = 0
     solvers: tuple[str, ...] = ()
     events: tuple[str, ...] | None = None  # of integrators, where the request names none
+    copies: bool = False
 
     def alone(self, request: ModelRequest) -> ModelRequest:
         """Return the request for just this: no other quantities, integrators and solvers."""
@@ -72,7 +74,8 @@ class Needs:
         """Return the request with batches and events of the analysis where it states none."""
         events = self.events if request.events is None else request.events
         width = request.batch_width or self.batch_width
-        return replace(request, batch_width=width, events=events, checks="finite")
+        copies = request.copies or self.copies
+        return replace(request, batch_width=width, events=events, checks="finite", copies=copies)
 
 
 def equilibrium_quantities(structure: Subject, request: ModelRequest) -> tuple[str, ...]:
@@ -114,6 +117,11 @@ def _simulate_batch(structure: Subject, request: ModelRequest, method: str, rtol
     needs = _simulate(structure, request, method or BATCH_METHOD, rtol)
     in_batches = find_method(method or BATCH_METHOD).in_batches and not structure.yields.any()
     return replace(needs, batch_width=BATCH_WIDTH if in_batches else 0)
+
+
+def _step(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
+    needs = _simulate_batch(structure, request, method or STEP_METHOD, rtol)
+    return replace(needs, copies=True)
 
 
 def _equilibrium(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
@@ -216,6 +224,7 @@ def _control(structure: Subject, request: ModelRequest, method: str, rtol: float
 ANALYSES: Mapping[str, Callable[[Subject, ModelRequest, str, float], Needs]] = {
     "simulate": _simulate,
     "simulate_batch": _simulate_batch,
+    "step": _step,
     "equilibrium": _equilibrium,
     "equilibria": _equilibria,
     "sensitivity": _sensitivity,

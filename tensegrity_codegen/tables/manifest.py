@@ -31,6 +31,10 @@ STATUS = (
 # Further results of a solver, from the number after those on.
 SOLVER_STATUS = ("not_converged", "unstable", "branch_lost")
 
+# Further status of a copy of a motion, see templates/integrate_copies.h.j2.
+COPY_STATUS = ("too_many_steps",)
+ALL_STATUS = (*STATUS, *SOLVER_STATUS, *COPY_STATUS)
+
 # The meaning of each status: texts of the header, and of the C function NAME_status_text.
 STATUS_TEXT = {
     "ok": "the results are there",
@@ -44,6 +48,7 @@ STATUS_TEXT = {
     "not_converged": "no equilibrium within the iterations, or no step lets the energy fall",
     "unstable": "an equilibrium that is no minimum of the energy",
     "branch_lost": "the equilibria of a path end here, as at a limit point",
+    "too_many_steps": "a sample takes more steps than it may",
 }
 
 CENTRE = re.compile(r"centre\d*_[xyz]")  # names of coordinates of centres of mass
@@ -81,6 +86,7 @@ ONLY_IF_ANY = (
     "adjoint_work",
     "tape_row",
     "body_places",
+    "copies",
 )
 
 
@@ -257,6 +263,7 @@ class Manifest:
     column_name: tuple[str, ...] = ()  # numbers that motions are differentiated to
     checks: str = "finite"  # "none": functions do not look for numbers that are not finite
     ring_nodes: tuple[tuple[int, ...], ...] = ()  # that each member passes between its ends; (): none does
+    copies: bool = False  # whether there are functions that advance many copies by a sample
     body_places: tuple[BodyPlace, ...] = ()  # free rigid bodies by their corners, which are nodes
 
     @cached_property

@@ -116,6 +116,8 @@ class ModelRequest:
     directions : tuple of str
         Names of derivatives of motions in place of `columns`: each along a direction of all run-time
         parameters, inputs and starts, which the arguments ``"direction"`` and ``"column"`` of a motion say.
+    copies : bool
+        Whether the library has functions that advance many copies by a sample, see `Stepper`.
 
     Raises
     ------
@@ -146,6 +148,7 @@ class ModelRequest:
     driven: tuple[str, ...] = ()
     columns: tuple[str, ...] = ()
     directions: tuple[str, ...] = ()
+    copies: bool = False
 
     def __post_init__(self) -> None:
         for name in ("formulation", "emitter", "precision", "flags", "checks"):

@@ -18,7 +18,7 @@ from tensegrity_codegen.tables.request import ModelRequest
 # Fields of a structure and a request that count only if they hold something.
 ONLY_IF_ANY = (
     *("law_parameter", "inner_radius", "driven", "ground", "collision", "columns", "directions"),
-    *("gain", "ring_nodes", "sliding", "bodies", "stick_arm"),
+    *("gain", "ring_nodes", "sliding", "bodies", "stick_arm", "copies"),
 )
 # Fields of a structure that no library depends on; expansion is in its inputs, and so are actuators, but for
 # their lag.
@@ -90,7 +90,7 @@ def _list_sources(folder: Path) -> list[str]:
 
 
 def _is_empty(value: Any) -> bool:
-    return value is None or (hasattr(value, "__len__") and not len(value))
+    return value is None or value is False or (hasattr(value, "__len__") and not len(value))
 
 
 def _plain(value: Any) -> Any:

@@ -1,6 +1,6 @@
 """Integrators that a library can hold: the needs, arguments and work memory of each."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -30,8 +30,8 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, suggest
 from tensegrity_codegen.tables.integrators import INTEGRATORS, called_quantities, find_row
 from tensegrity_codegen.tables.integrators.integrator import Integrator
-from tensegrity_codegen.tables.manifest import FunctionSpec, IntegratorSpec, Manifest
-from tensegrity_codegen.tables.quantities import STATE, WEIGHT_OF, WEIGHTS
+from tensegrity_codegen.tables.manifest import SET_STATES, FunctionSpec, IntegratorSpec, Manifest
+from tensegrity_codegen.tables.quantities import OF_COLUMNS, STATE, WEIGHT_OF, WEIGHTS
 from tensegrity_codegen.tables.tableaus.tableau import Row, Tableau
 
 # Functions of redundant coordinates that bring a state back onto their constraints; integrators call them.
@@ -206,6 +206,7 @@ def integrator_context(
                 )
             )
         ],
+        "first_copies": next((name for name in explicit if manifest.copies), ""),
         "first_batch": next((spec.name for spec in manifest.integrators if spec.batch_work_size), ""),
         "first_run": next((spec.name for spec in manifest.integrators if spec in (*tried, *counted)), ""),
         "n_internal": manifest.n_internal,
@@ -218,6 +219,27 @@ def integrator_context(
         "pull": _pull_context(manifest, functions) if PULL in manifest.driven else None,
         "keeper": keeper_context(manifest, functions) if any(spec.keeps for spec in adaptive) else None,
         "events": events_context(manifest, watching[0], functions, reach) if watching else None,
+    }
+
+
+def copies_context(
+    manifest: Manifest,
+    arguments: Mapping[str, dict[str, Any]],
+    functions: Sequence[Mapping[str, Any]],
+) -> dict[str, Any] | None:
+    """Return what the functions that advance copies take: run-time arguments, dense quantities; else None."""
+    if not manifest.copies:
+        return None
+    others = (*STATE, *OF_COLUMNS, *WEIGHTS)
+    own = [argument for name, argument in arguments.items() if name not in others]
+    known = {*STATE, *(argument["name"] for argument in own)}
+    return {
+        "arguments": own,
+        "functions": [
+            function
+            for function in functions
+            if function["pattern"] is None and known.issuperset(a["name"] for a in function["arguments"])
+        ],
     }
 
 
@@ -318,6 +340,7 @@ def _context(
             "batch_work_size": 0,
         }
     kernel = functions["acceleration"].arguments
+    has_set_states = any(manifest.subjects_of(kind) for kind in SET_STATES)
     keeps_constraints = all(name in functions for name in PROJECTION)
     return {
         "name": spec.name,
@@ -340,6 +363,8 @@ def _context(
         "dense_title": row.dense_title,
         "tableau": _tableau_context(row.tableau) if row.tableau else None,
         "batch_work_size": spec.batch_work_size,
+        "copies_side_by_side": bool(spec.batch_work_size) and not has_set_states,
+        "copies_work": spec.work_size if has_set_states else spec.batch_work_size or spec.work_size,
         "adjoint_work": spec.adjoint_work,
         "tape_row": spec.tape_row,
     }

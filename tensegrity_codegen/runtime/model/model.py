@@ -233,6 +233,12 @@ class CompiledModel(Summarised):
         """
         return None if self.build_twin is None else self.build_twin()
 
+    def stepper(self, n: int = 1, **options: Any) -> Any:
+        """Return a `Stepper`: n copies of the motion that are advanced sample by sample, see there."""
+        from importlib import import_module  # a room above this one
+
+        return import_module("tensegrity_codegen.runtime.stepper.stepper").Stepper(self, n, **options)
+
     def headline(self) -> str:
         """Return name, formulation and precision."""
         return f"{self.manifest.name}, {self.manifest.formulation}, {self.manifest.precision} precision"

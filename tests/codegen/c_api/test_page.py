@@ -5,7 +5,15 @@ import re
 
 from tensegrity_codegen.codegen.integrators.integrators import INTEGRATORS
 from tensegrity_codegen.codegen.integrators.solvers import SOLVERS
-from tensegrity_codegen.tables.manifest import ABI_VERSION, C_API_VERSION, SOLVER_STATUS, STATUS, STATUS_TEXT
+from tensegrity_codegen.tables.manifest import (
+    ABI_VERSION,
+    ALL_STATUS,
+    C_API_VERSION,
+    COPY_STATUS,
+    SOLVER_STATUS,
+    STATUS,
+    STATUS_TEXT,
+)
 from tensegrity_codegen.tables.quantities import ARGUMENTS, QUANTITIES
 from tensegrity_codegen.tables.quantities.quantity import Quantity
 from tests.codegen.c_api.header_rule import Interface, read_interface
@@ -44,11 +52,15 @@ def cell(text: str) -> str:
 
 def test_status(update_golden: bool) -> None:
     rows = [
-        (f"`NAME_{name.upper()}`", str(number), STATUS_TEXT[name], "" if number < len(STATUS) else "solvers")
-        for number, name in enumerate((*STATUS, *SOLVER_STATUS))
+        (f"`NAME_{name.upper()}`", str(number), STATUS_TEXT[name], of)
+        for number, (name, of) in enumerate(
+            [(name, "") for name in STATUS]
+            + [(name, "solvers") for name in SOLVER_STATUS]
+            + [(name, "copies") for name in COPY_STATUS]
+        )
     ]
     check_table(PAGE, "status", ("constant", "value", "text", "of"), rows, update_golden)
-    assert set(STATUS_TEXT) == {*STATUS, *SOLVER_STATUS}
+    assert set(STATUS_TEXT) == set(ALL_STATUS)
 
 
 @functools.cache

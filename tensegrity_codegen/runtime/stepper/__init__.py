@@ -1,0 +1,1 @@
+"""Many copies of a motion, advanced sample by sample."""
