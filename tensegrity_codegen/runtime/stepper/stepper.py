@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -48,6 +49,7 @@ from tensegrity_codegen.tables.manifest import ALL_STATUS, Manifest
 from tensegrity_codegen.tables.quantities import PARAMETERS, STATE
 
 MOST_COPIES = 10_000_000
+MOST_STEPS = 10_000  # of a copy in a sample, where none are named
 BLOCKS_A_THREAD = 8  # of copies, so that no thread waits long for the last one
 WHOLE = 1e-9  # by which a number of steps may differ from a whole one
 FINER = 0.01  # tolerance of the steps that an error is estimated with, over that of the others
@@ -79,7 +81,7 @@ class Stepper(Summarised):
         copies; `Stepper.arguments` has one row a copy.
     stepping : Stepping, optional
         `step` of ``"rk4"`` [s], of which the sample is a multiple; `atol` [m and m/s], by default `rtol`
-        times the length of the structure; `max_steps` of a copy in a sample.
+        times the length of the structure; `max_steps` of a copy in a sample, by default 10,000.
     threads : int
         Number of threads; the results do not depend on it.
 
@@ -88,7 +90,8 @@ class Stepper(Summarised):
     model : CompiledModel
         As given.
     state : ndarray, shape (n, n_states)
-        Coordinates, velocities, internal states; `coordinate`, `velocity` and `internal` are parts of it.
+        Coordinates, velocities, internal states; `coordinate`, `velocity` and `internal` are parts of it. Who
+        writes into it keeps lengths of rigid bars and bodies, as `reset` does.
     values : mapping of str to ndarray, shape (n, ...)
         The quantities at these states.
     arguments : mapping of str to ndarray, shape (n, ...)
@@ -146,7 +149,9 @@ class Stepper(Summarised):
         check_threads(threads)
         self.model, self.n, self.threads = model, n, threads
         self.sample = check_positive(sample, "sample", "[s]")
-        self._options = read_stepping(stepping).with_method(method, rtol)
+        stated = read_stepping(stepping)
+        most = MOST_STEPS if stated.max_steps is None else stated.max_steps
+        self._options = replace(stated, max_steps=most).with_method(method, rtol)
         _check_method(model.manifest, self._options, self.sample)
         self._given: dict[str, Any] = {
             "method": method, "rtol": rtol, "stepping": stepping, "threads": threads,
@@ -173,6 +178,7 @@ class Stepper(Summarised):
             {name: np.array([value] * n, dtype=np.float64) for name, value in own.items()}
         )
         self.inputs = self.arguments.get(INPUT, np.zeros((n, 0)))
+        self._first_inputs = self.inputs[0].copy()
         self._bind()
         self.reset()
 
@@ -272,7 +278,7 @@ class Stepper(Summarised):
         velocity: ArrayLike | None = None,
         internal: ArrayLike | None = None,
     ) -> None:
-        """Begin anew with some copies, whose arguments stay as they are.
+        """Begin anew with some copies: with the first inputs, run-time parameters stay as they are.
 
         Parameters
         ----------
@@ -290,6 +296,7 @@ class Stepper(Summarised):
             A number is not finite.
         """
         rows = self._find_rows(which)
+        self.inputs[rows] = self._first_inputs
         names = ("coordinate", "velocity", "internal")
         given = dict(zip(names, (coordinate, velocity, internal), strict=True))
         starts = {
