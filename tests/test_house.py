@@ -225,7 +225,7 @@ MAX_LINES = {
     "live": 1_300,
     "pipeline": 3_750,
     "report": 5_550,  # surfaces of bodies
-    "runtime": 21_750,  # bodies in motions and statics
+    "runtime": 22_150,  # bodies in motions and statics
     "scene": 13_450,  # rigid bodies with parts, and their import
     "structure": 3_750,  # rigid bodies
     "studies": 7_900,

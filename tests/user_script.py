@@ -85,6 +85,8 @@ def main(folder: Path) -> dict[str, object]:
     steps = tc.Stepping(atol=1e-10, max_steps=10_000)
     fall = tc.simulate(model, t_end=0.1, samples=3, until=tc.Until("load.z < -5"), stepping=steps)
     batch: tc.BatchTrajectory = tc.simulate_batch(model, t_end=0.1, samples=3, coordinate=[[-1.0], [-1.1]])
+    stepper: tc.Stepper = tc.Stepper(tc.compile_scene(scene, for_="step"), 2, sample=0.01)
+    stepper.step()
     planned: tc.PlanResult = tc.plan(model, "load.z=-0.95")
     path = tc.EquilibriumPath([[0.0], [-0.05]])
     timed: tc.Motion = tc.time_motion(model, path, duration=1.0)

@@ -1,6 +1,7 @@
 """Many copies of a motion that are advanced together, sample by sample, with inputs that are held."""
 
 import itertools
+import time
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -51,6 +52,7 @@ from tensegrity_codegen.tables.quantities import PARAMETERS, STATE
 MOST_COPIES = 10_000_000
 MOST_STEPS = 10_000  # of a copy in a sample, where none are named
 BLOCKS_A_THREAD = 8  # of copies, so that no thread waits long for the last one
+WORTH_THREADS = 3e-4  # time of a step [s] from which on other threads are woken, which takes a tenth of it
 WHOLE = 1e-9  # by which a number of steps may differ from a whole one
 FINER = 0.01  # tolerance of the steps that an error is estimated with, over that of the others
 HELD = ("state", "next_step", "steps", "status")  # arrays that a copy goes on from, besides its arguments
@@ -213,7 +215,10 @@ class Stepper(Summarised):
         least = -(-self.n // (self.threads * BLOCKS_A_THREAD))
         block = -(-least // width) * width
         self._blocks = [(first, min(first + block, self.n)) for first in range(0, self.n, block)]
-        self._pool = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
+        self._pool = (
+            ThreadPoolExecutor(self.threads - 1) if min(self.threads, len(self._blocks)) > 1 else None
+        )
+        self._seconds = 0.0  # of the last step, of all threads
 
     def step(self, inputs: ArrayLike | None = None, sample: float | None = None) -> None:
         """Advance all copies by a sample.
@@ -249,22 +254,23 @@ class Stepper(Summarised):
 
     def _run(self) -> None:
         """Advance all copies, blocks of them in threads that each take the next one."""
-        if self._pool is None:
+        started, used = time.perf_counter(), self.threads
+        if self._pool is None or self._seconds < WORTH_THREADS:
+            used = 1
             for first, end in self._blocks:
                 self._check(self._advance(self._copies, first, end, self._work[0]))
-            return
-        numbers = itertools.count()
+        else:
+            numbers = itertools.count()
 
-        def work(thread: int) -> None:
-            while (k := next(numbers)) < len(self._blocks):
-                self._check(self._advance(self._copies, *self._blocks[k], self._work[thread]))
+            def work(thread: int) -> None:
+                while (k := next(numbers)) < len(self._blocks):
+                    self._check(self._advance(self._copies, *self._blocks[k], self._work[thread]))
 
-        others = [
-            self._pool.submit(work, thread) for thread in range(1, min(self.threads, len(self._blocks)))
-        ]
-        work(0)
-        for other in others:
-            other.result()
+            others = [self._pool.submit(work, thread) for thread in range(1, used)]
+            work(0)
+            for other in others:
+                other.result()
+        self._seconds = (time.perf_counter() - started) * used
 
     def _check(self, status: int) -> None:
         if status:
