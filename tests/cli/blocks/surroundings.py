@@ -75,7 +75,7 @@ EXITS = {
 SCENES = {
     "README.md": ("prism",),
     "docs/control.md": ("prism12", "pinned_prism"),
-    "docs/embedding.md": ("prism", "prism12"),
+    "docs/embedding.md": ("prism", "prism12", "pinned_prism"),
     "docs/export.md": ("prism", "pinned_prism"),
     "docs/fmu.md": ("prism",),
     "docs/live.md": ("prism",),
