@@ -97,7 +97,8 @@ class Robot:
             most = self.stiffness * rest * self.span
             motors.append(f'<motor tendon="c{number}" gear="-1" ctrlrange="{-most} {most}"/>')
         return (
-            f'<mujoco model="{self.name}"><option timestep="{step!r}" integrator="{integrator}" cone="{cone}"/>'
+            f'<mujoco model="{self.name}">'
+            f'<option timestep="{step!r}" integrator="{integrator}" cone="{cone}"/>'
             '<default><geom condim="3" friction="0.8 0.005 0.0001" solref="-5000 -50"/></default>'
             '<worldbody><geom type="plane" size="50 50 1" contype="2" conaffinity="1"/>'
             f"{''.join(bodies)}</worldbody><tendon>{''.join(tendons)}</tendon>"
@@ -144,7 +145,7 @@ def make_six_rods() -> Robot:
 
 
 def draw_commands(robot: Robot, count: int, samples: int, seed: int) -> Array:
-    """Return changes of rest lengths (count, samples, n_cables) [m] that walk at random within their range."""
+    """Return changes of rest lengths (count, samples, n_cables) [m], random walks within their range."""
     rng = np.random.default_rng(seed)
     steps = rng.uniform(-0.3, 0.3, (count, samples, len(robot.cables))) * robot.largest
     found, last = np.empty_like(steps), np.zeros((count, len(robot.cables)))
