@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     )
     from tensegrity_codegen.control.feedback.lqr import design_lqr
     from tensegrity_codegen.control.feedback.mpc import Mpc, design_mpc
+    from tensegrity_codegen.control.feedback.policy import Acted, Description, Observed, Policy, read_policy
     from tensegrity_codegen.control.feedback.study.control_study import ControlStudy
     from tensegrity_codegen.control.feedback.study.stated_errors import Draws, RandomGust, StatedErrors
     from tensegrity_codegen.control.feedback.study.study import study_control
@@ -82,6 +83,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = [
+    "Acted",
     "ActuatorLimits",
     "Analysis",
     "BatchTrajectory",
@@ -92,6 +94,7 @@ __all__ = [
     "ControlStudy",
     "ControllerBundle",
     "ControllerCode",
+    "Description",
     "Design",
     "Disturbance",
     "Draws",
@@ -112,7 +115,9 @@ __all__ = [
     "Motion",
     "MotionGradient",
     "Mpc",
+    "Observed",
     "PlanResult",
+    "Policy",
     "Profile",
     "RandomGust",
     "Sampling",
@@ -160,6 +165,7 @@ __all__ = [
     "motion_gradient",
     "optimise",
     "plan",
+    "read_policy",
     "read_profile",
     "read_scene",
     "record_motion",
@@ -191,6 +197,7 @@ _NAMES = {
     "control.feedback.loop.tension_distribution": ("TensionDistribution", "design_distribution"),
     "control.feedback.lqr": ("design_lqr",),
     "control.feedback.mpc": ("Mpc", "design_mpc"),
+    "control.feedback.policy": ("Acted", "Description", "Observed", "Policy", "read_policy"),
     "control.feedback.study.control_study": ("ControlStudy",),
     "control.feedback.study.stated_errors": ("Draws", "RandomGust", "StatedErrors"),
     "control.feedback.study.study": ("study_control",),

@@ -155,6 +155,15 @@ def deliver(folder: Path, results: dict[str, object]) -> dict[str, object]:
         model, motion, gains, out=folder / "controller", code=tc.ControllerCode(knots=5)
     )
     loaded: tc.LoadedController = tc.load_controller(bundle.folder)
+    seen = (tc.Observed("length of cord", "m"), tc.Observed("command", "m"))
+    description = tc.Description("lift", 0.02, seen, (tc.Acted("winch", 0.0, 0.1, rate=0.5),))
+    layer: Any = ((np.array([[2.0, 0.5]]),), (np.zeros(1),))
+    policy = tc.Policy(
+        weights=layer[0], biases=layer[1], mean=np.zeros(2), scale=np.ones(2), description=description
+    )
+    policy.write(folder / "policy.npz")
+    read: tc.Policy = tc.read_policy(folder / "policy.npz")
+    assert read([0.1, 0.0]) == [0.2]
     graphs: tc.SymbolicFunctions = tc.symbolic_functions(SCENE)
     ahead = tc.design_mpc(
         model, motion, tuning.Q, tuning.R, sample=0.02, integral_action=tuning.integral_action
