@@ -357,7 +357,7 @@ def write_controller(
     bundle = build_controller(
         model, study.motion, study.mpc or study.gains, estimator=study.estimator,
         distribution=study.distribution, out=code.build, overwrite=overwrite,
-        code=ControllerCode(precision=code.precision, compiler=compiler), inputs=[scene],
+        code=ControllerCode(precision=code.precision, compiler=compiler, inputs=[scene]),
     )  # fmt: skip
     made = bundle.description
     return {

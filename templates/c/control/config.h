@@ -18,11 +18,14 @@
 #ifndef WITH_MPC
 #define WITH_MPC 0 /* commands are planned over a horizon */
 #endif
+#ifndef WITH_POLICY
+#define WITH_POLICY 0 /* a network observes and acts */
+#endif
 #define WITH_CLIP (!WITH_DISTRIBUTION && !WITH_MPC) /* commands are cut to rates and ranges */
 #define WITH_DISTURBANCE WITH_ESTIMATOR /* the estimator has disturbance forces */
 #define WITH_SUMS (WITH_GAINS || WITH_MPC) /* feedback of sums of errors */
 #define WITH_PUSH (WITH_DISTURBANCE && !WITH_SUMS) /* disturbance forces are predicted, for nothing is summed */
-#define WITH_DELAY 1                    /* commands act after delays */
+#define WITH_DELAY (!WITH_POLICY)       /* commands act after delays */
 #define WITH_PAST WITH_GAINS            /* feedback of commands on their way */
 #ifndef WITH_DISTRIBUTION
 #define WITH_DISTRIBUTION 0 /* tensions are distributed by a quadratic program */
@@ -37,6 +40,7 @@ enum {
   SCENE_CONTROL_N_SUMS = WITH_SUMS,
   SCENE_CONTROL_N_PAST = 2 * WITH_PAST, /* commands on their way that gains know */
   SCENE_CONTROL_N_SENSORS = 1,
+  SCENE_CONTROL_SIZE_LAYER = 2, /* of the widest layer of a network */
   SCENE_CONTROL_N_DISTURBANCES = WITH_DISTURBANCE,
   SCENE_CONTROL_N_SENT = 3,        /* commands that are kept, for delays */
   SCENE_CONTROL_SIZE_MEASURED = 1, /* numbers from which measurements are taken */
@@ -65,12 +69,32 @@ static const real CONTROL_SAMPLE = (real)0.01; /* [s] */
 static const real SAME_SPAN = (real)1e-6;      /* of a sample, by which one may be longer or shorter */
 static const real SAME_COMMAND = (real)1e-12;  /* [m], by which a command may differ from what is wanted */
 
+#if WITH_POLICY
+/* Network: sizes of the observation and of all layers; where each observed number comes from, one of the caller or, below
+ * zero, a command sent last; normalisation; layers; inputs at the start, middle and half width of the ranges [m]. */
+enum { N_LAYERS = 2, N_WIDTH = SCENE_CONTROL_SIZE_LAYER };
+static const int POLICY_SIZE[N_LAYERS + 1] = {2, 2, N_U};
+static const int POLICY_SOURCE[2] = {0, -1};
+static const real POLICY_MEAN[2] = {(real)1.0, (real)0.0}, POLICY_SCALE[2] = {(real)0.1, (real)0.5};
+static const real POLICY_CLIP[1] = {(real)10.0};
+static const real POLICY_WEIGHT[6] = {(real)0.5, (real)0.1, (real)-0.5, (real)0.2, (real)1.0, (real)-1.0};
+static const real POLICY_BIAS[3] = {(real)0.1, (real)0.0, (real)0.0};
+static const real START_INPUT[N_IN] = {(real)0.0};
+static const real ACTION_CENTRE[N_U] = {(real)0.0}, ACTION_HALF_RANGE[N_U] = {(real)0.5};
+
+/* Result of a neuron. */
+static inline real policy_activate(int is_last, real sum)
+{
+  return is_last ? sum : sum > (real)0.0 ? sum : (real)0.0;
+}
+#else
 /* Knots of the motion: time; coordinates, velocities, accelerations, and by how much coordinates at the next knot differ
  * from a parabola through this one; values and slopes of all inputs. */
 static const real MOTION_TIME[N_MOTION] = {(real)0.0, (real)1.0};
 static const real MOTION_STATE[N_MOTION * 4 * N_Q] = {
     (real)0.0, (real)0.0, (real)0.0, (real)0.1, (real)0.1, (real)0.0, (real)0.0, (real)0.0};
 static const real MOTION_INPUT[N_MOTION * 2 * N_IN] = {(real)0.0, (real)0.0, (real)0.2, (real)0.0};
+#endif
 
 /* Actuators: place of each among the inputs, bounds of its input [m], rate [m/s], whole samples and rest [s] of its
  * delay; rest lengths without inputs, and which inputs change them. */

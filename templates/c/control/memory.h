@@ -34,10 +34,12 @@ typedef struct {
   real time;                                    /* of the last step [s] */
   real command[SCENE_CONTROL_N_ACTUATORS];      /* input of each actuator, the change of its rest lengths [m] */
   real wanted[SCENE_CONTROL_N_ACTUATORS];       /* input that feedback asked for [m] */
+#if !WITH_POLICY
   real deviation[SCENE_CONTROL_N_STATES + SCENE_CONTROL_N_SUMS + SCENE_CONTROL_N_PAST]; /* state minus that of the
     motion; sums; commands on their way minus those of the motion, of each actuator the latest first */
   real estimate[SCENE_CONTROL_N_STATES + SCENE_CONTROL_N_DISTURBANCES]; /* coordinates, velocities, forces */
   real disturbance[SCENE_CONTROL_N_COORDINATES]; /* estimated force on each coordinate [N or N m] */
+#endif
   real input[SCENE_CONTROL_N_INPUTS];           /* inputs of the model now */
   real sent[SCENE_CONTROL_N_SENT * SCENE_CONTROL_N_ACTUATORS]; /* last commands, in a ring */
   int newest;                                   /* row of the last one */
@@ -56,7 +58,11 @@ typedef struct {
   scene_control_mpc mpc; /* the plan of the last step */
 #endif
   struct {
+#if WITH_POLICY
+    real layer[2 * SCENE_CONTROL_SIZE_LAYER]; /* numbers before and behind a layer of the network */
+#else
     real goal[SCENE_CONTROL_N_STATES];
+#endif
     real low[SCENE_CONTROL_N_ACTUATORS], high[SCENE_CONTROL_N_ACTUATORS];
 #if WITH_DELAY
     real planned[SCENE_CONTROL_N_ACTUATORS]; /* inputs of the motion when the command acts [m] */

@@ -2,6 +2,17 @@
 #define CONTROL_MOTION_H
 #include "config.h"
 
+#if WITH_POLICY
+/* Inputs at the start; those that belong to no actuator keep them. */
+static inline void motion_input(real time, real *input)
+{
+  int k;
+  (void)time;
+  for (k = 0; k < N_IN; ++k) {
+    input[k] = START_INPUT[k];
+  }
+}
+#else
 /* Interval of rising knots, two at least, that a time lies in, and its share of the interval, 0 to 1. */
 static inline int control_interval(const real *knot, int count, real time, real *share)
 {
@@ -66,5 +77,6 @@ static inline void motion_input(real time, real *input)
     input[i] = from[i] + s * (first + s * (c2 + s * c3));
   }
 }
+#endif
 
 #endif

@@ -11,12 +11,16 @@
 #if WITH_MPC
 #include "mpc_step.h"
 #endif
+#if WITH_POLICY
+#include "policy.h"
+#endif
 
 /* Steps of the controller: checks of time and measurements, estimate, command, status. */
 
 enum { CONTROL_READY = 0x5ca1 }; /* mark of memory that init has filled */
 enum { CONTROL_REFUSALS = 3 };     /* rising times in a row that are not after the last one: then the clock is theirs */
 
+#if !WITH_POLICY
 /* Set c->input to those of the motion in the middle of the sample that begins at a time, since they are held; with
  * delays work.planned has those in the middle of the time in which the command of the sample acts. */
 static inline void control_set_motion_inputs(real time, scene_control *c)
@@ -36,6 +40,7 @@ static inline void control_set_motion_inputs(real time, scene_control *c)
 #endif
   motion_input(middle, c->input);
 }
+#endif
 
 /* Begin at the start of the motion; coordinate: where the structure is, NULL: at the start. */
 static inline int control_init(scene_control *c, const real *coordinate)
@@ -45,7 +50,9 @@ static inline int control_init(scene_control *c, const real *coordinate)
     return SCENE_CONTROL_NULL_POINTER;
   }
   memset(c, 0, sizeof *c);
+#if !WITH_POLICY
   motion_state((real)0.0, c->estimate);
+#endif
   motion_input((real)0.0, c->input);
   for (u = 0; u < N_U; ++u) {
     c->command[u] = c->wanted[u] = c->input[ACTUATOR_PLACE[u]];
@@ -57,6 +64,9 @@ static inline int control_init(scene_control *c, const real *coordinate)
   filter_reset_bound(c);
 #endif
   c->ready = CONTROL_READY;
+#if WITH_POLICY
+  (void)coordinate;
+#else
   if (coordinate != NULL) {
     if (!control_all_finite(coordinate, N_Q)) {
       c->status = SCENE_CONTROL_NON_FINITE_INPUT;
@@ -66,6 +76,7 @@ static inline int control_init(scene_control *c, const real *coordinate)
       c->estimate[k] = coordinate[k];
     }
   }
+#endif
   return SCENE_CONTROL_OK;
 }
 
@@ -105,6 +116,7 @@ static inline int control_find_span(real time, scene_control *c, real *span)
   return SCENE_CONTROL_OK;
 }
 
+#if !WITH_POLICY
 /* Keep the last command for another sample. */
 static inline void control_hold_command(real time, scene_control *c)
 {
@@ -158,6 +170,7 @@ static inline int control_feed_back(real time, real span, scene_control *c)
   actuators_send(c);
   return status;
 }
+#endif
 
 #if WITH_ESTIMATOR
 /* Status of measurements: finite, lengths above 0. */
@@ -199,6 +212,7 @@ static inline int control_step_measured(
 }
 #endif
 
+#if !WITH_POLICY
 /* A step from the state at a usable time; status: of that time. */
 static inline int control_step_true(real time, real span, int status, const real *state, scene_control *c)
 {
@@ -216,6 +230,7 @@ static inline int control_step_true(real time, real span, int status, const real
   }
   return control_feed_back(time, span, c);
 }
+#endif
 
 /* A step at a time since the last one; with measurements or the state, of which the other is NULL. */
 static inline int control_step_after(
@@ -223,11 +238,16 @@ static inline int control_step_after(
 {
   if (status == SCENE_CONTROL_OK || status == SCENE_CONTROL_LATE) {
     (void)measured;
+#if WITH_POLICY
+    (void)state;
+    status = control_step_observed(span, status, measured, c);
+#else
 #if WITH_ESTIMATOR
     status = measured != NULL ? control_step_measured(time, span, status, measured, c)
                               : control_step_true(time, span, status, state, c);
 #else
     status = control_step_true(time, span, status, state, c);
+#endif
 #endif
     c->time = time;
     c->n_refused = 0;

@@ -1,6 +1,6 @@
 """Write a controller in C: feedback about a motion, its estimator and the model that it needs."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,9 @@ from tensegrity_codegen.control.embedded.loaded import (
 from tensegrity_codegen.control.embedded.parts import (
     MOVED_TO_CODE,
     ControllerCode,
+    check_alone,
     collect_parts,
+    collect_policy,
     find_model_and_request,
     find_motion,
     read_code,
@@ -26,11 +28,12 @@ from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import MOVED_TO_LIMITS, ActuatorLimits
 from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
 from tensegrity_codegen.control.feedback.mpc import Mpc
+from tensegrity_codegen.control.feedback.policy import Policy
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.scene.names import check_scene_name
-from tensegrity_codegen.system.checks import check_instance, check_path, check_switch, with_moved
+from tensegrity_codegen.system.checks import check_path, check_switch, with_moved
 from tensegrity_codegen.system.output_folder import check_folder, write_folder
 from tensegrity_codegen.tables.precision import find_precision
 
@@ -61,18 +64,18 @@ class ControllerBundle:
 @with_moved(**MOVED_TO_CODE, **MOVED_TO_LIMITS)
 def build_controller(
     scene: str | Path | CompiledModel,
-    motion: Motion | Equilibrium,
+    motion: Motion | Equilibrium | None = None,
     gains: Gains | Mpc | None = None,
     *,
     estimator: Estimator | None = None,
     distribution: TensionDistribution | None = None,
+    policy: Policy | None = None,
     out: str | Path,
     sample: float | None = None,
     limits: ActuatorLimits | None = None,
     arguments: Mapping[str, Any] | None = None,
     code: ControllerCode | None = None,
     overwrite: bool = False,
-    inputs: Iterable[Path] = (),
 ) -> ControllerBundle:
     """Write a controller in C into a folder: all of its files, or none.
 
@@ -80,7 +83,7 @@ def build_controller(
     ----------
     scene : str, Path or CompiledModel
         Scene file, or the model that was compiled from one.
-    motion : Motion or Equilibrium
+    motion : Motion or Equilibrium, optional
         The motion to hold; after its end its last point is held.
     gains : Gains or Mpc, optional
         Feedback, or model-predictive control of `design_mpc`; without it the inputs of the motion alone
@@ -89,6 +92,9 @@ def build_controller(
         Estimates the state from measurements; without it steps take the state.
     distribution : TensionDistribution, optional
         Keeps tensions above the least ones.
+    policy : Policy, optional
+        Network that acts on observations, in place of motion, gains and all other parts; its description
+        states sample, rates, ranges and delays.
     out : str or Path
         Folder, made if it does not exist.
     sample : float, optional [s]
@@ -101,8 +107,6 @@ def build_controller(
         Name, precision, stored gains, solver, library and compiler of the C text.
     overwrite : bool
         Whether files may be replaced that are not as SHA256SUMS in the folder says.
-    inputs : iterable of Path
-        Files that are never replaced.
 
     Returns
     -------
@@ -147,18 +151,18 @@ def build_controller(
     real = find_precision(written.precision, "precision")
     check_path(out, "out")
     check_switch(overwrite, "overwrite")
-    check_instance(inputs, Iterable, "inputs", "a list of paths")
-    read = tuple(inputs)
-    for path in read:
-        check_path(path, "inputs")
     check_folder(out)
+    if policy is not None:
+        check_alone(policy, {
+            "motion": motion, "gains": gains, "estimator": estimator, "distribution": distribution,
+            "sample": sample, "limits": limits, "arguments": arguments,
+        })  # fmt: skip
     # Scene, motion and all parts of the controller.
     described, request = find_model_and_request(scene, motion)
-    reference = find_motion(described, motion, arguments)
     check_scene_name(described.manifest.name if written.name is None else written.name, "name")
-    parts = collect_parts(
-        described, reference, gains=gains, estimator=estimator, distribution=distribution, sample=sample,
-        limits=limits, code=written,
+    parts = collect_policy(described, policy, written) if policy is not None else collect_parts(
+        described, find_motion(described, motion, arguments), gains=gains, estimator=estimator,
+        distribution=distribution, sample=sample, limits=limits, code=written,
     )  # fmt: skip
     # Its texts, the library, and the folder with both.
     files = write_files(parts, replace(request, precision=real.name), real)
@@ -172,6 +176,6 @@ def build_controller(
         contents[artifact.file_name] = artifact.library
         description = replace(description, library=artifact.file_name)
     contents["manifest.json"] = description.to_json().encode("utf-8")
-    protected = [*read, *([Path(scene)] if isinstance(scene, str | Path) else [])]
+    protected = [*written.inputs, *([Path(scene)] if isinstance(scene, str | Path) else [])]
     folder = write_folder(out, contents, inputs=protected, overwrite=overwrite, listed=True)
     return ControllerBundle(folder, tuple(sorted(contents)), description)

@@ -1,7 +1,7 @@
 """A compiled controller in this process, and its description in `manifest.json`."""
 
 import json
-from dataclasses import asdict, dataclass, fields
+from dataclasses import MISSING, asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +39,7 @@ class ControllerDescription:
     sizes, knots : mapping of str to int
         Numbers of coordinates, actuators and so on, as in the header; numbers of stored knots.
     actuators, coordinates, sensors, inputs : tuple of str
-        Names, in the order of the arrays.
+        Names, in the order of the arrays; the sensors of a policy are the numbers of its observation.
     statuses : tuple of str
         The status that steps return, by its number.
     table_bytes : int
@@ -52,6 +52,8 @@ class ControllerDescription:
         Programs that wrote it, with versions.
     model : mapping or None
         Manifest of the model that it calls.
+    policy : mapping or None
+        Sizes, activation, output, bound and description of the policy that it runs.
     """
 
     name: str
@@ -70,6 +72,7 @@ class ControllerDescription:
     declarations: str
     made_by: dict[str, str]
     model: dict[str, Any] | None
+    policy: dict[str, Any] | None = None
 
     def to_json(self) -> str:
         """Return it as JSON text, one line for each field."""
@@ -102,7 +105,11 @@ class ControllerDescription:
                 hint="build it again with this version of tensegrity_codegen",
             )
         try:
-            values: dict[str, Any] = {field.name: data[field.name] for field in fields(cls)}
+            values: dict[str, Any] = {
+                field.name: data[field.name]
+                for field in fields(cls)
+                if field.name in data or field.default is MISSING
+            }
         except KeyError as error:
             raise LibraryError("the manifest is damaged", where=str(path), hint="build it again") from error
         values = {key: tuple(value) if isinstance(value, list) else value for key, value in values.items()}
@@ -156,15 +163,17 @@ class LoadedController:
         Parameters
         ----------
         coordinate : array_like, shape (n_coordinates,), optional
-            Where the structure is; by default at the start of the motion.
+            Where the structure is; by default at the start of the motion. A policy takes none.
         """
+        if self.description.policy is not None and coordinate is None:
+            return self._word(self._call("init")(self._memory))
         pointer = self._ffi.NULL
         if coordinate is not None:
             pointer = self._pointer(to_sized(coordinate, (len(self.description.coordinates),), "coordinate"))
         return self._word(self._call("init")(self._memory, pointer))
 
     def step(self, time: float, measured: ArrayLike | None) -> tuple[str, FloatArray]:
-        """Return the status and the rest lengths (n_actuators,) [m] of a step from measurements (n_y,)."""
+        """Return the status and the rest lengths (n_actuators,) [m] of a step from what is seen (n_y,)."""
         return self._step("step", (time,), measured, len(self.description.sensors), "measured")
 
     def step_state(self, time: float, state: ArrayLike | None) -> tuple[str, FloatArray]:

@@ -1,6 +1,6 @@
 """The parts of a controller: scene or model, motion, gains, estimator, distribution and actuators."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ from tensegrity_codegen.control.feedback.loop.actuator_bounds import (
 from tensegrity_codegen.control.feedback.loop.sampled_plant import check_parts, find_sample
 from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
 from tensegrity_codegen.control.feedback.mpc import Mpc
+from tensegrity_codegen.control.feedback.policy import Policy
 from tensegrity_codegen.pipeline.compile_scene import compile_scene, load_scene
 from tensegrity_codegen.runtime.model.arguments import INPUT, merge_inputs
 from tensegrity_codegen.runtime.model.interface import Described
@@ -35,10 +36,10 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.structure.actuators import RestLengthGains, Sensor
+from tensegrity_codegen.structure.actuators import Actuator, RestLengthGains, Sensor
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.checks import check_instance, check_switch, check_whole
-from tensegrity_codegen.system.errors import InvalidValueError, LibraryError
+from tensegrity_codegen.system.checks import check_instance, check_path, check_switch, check_whole
+from tensegrity_codegen.system.errors import InvalidValueError, LibraryError, check_choice
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.precision import find_precision
 from tensegrity_codegen.tables.request import ModelRequest
@@ -91,6 +92,8 @@ class ControllerCode:
         Whether to compile a shared library too, which `load_controller` needs.
     compiler : str, optional
         ``"gcc"``, ``"clang"``, ``"zig"`` or a command; by default the first compiler found.
+    inputs : iterable of Path
+        Files that are never replaced.
     """
 
     name: str | None = None
@@ -100,6 +103,7 @@ class ControllerCode:
     daqp_sdist: str | Path | None = None
     library: bool = True
     compiler: str | None = None
+    inputs: Iterable[Path] = ()
 
 
 # Arguments of `build_controller` and `simulate_control_batch` that `ControllerCode` has.
@@ -114,6 +118,10 @@ def read_code(code: ControllerCode | None) -> ControllerCode:
     find_precision(stated.precision, "precision")
     check_switch(stated.library, "library")
     check_instance(stated.compiler, (str, type(None)), "compiler", "the name of a compiler, or None")
+    check_instance(stated.inputs, Iterable, "inputs", "a list of paths")
+    stated = replace(stated, inputs=tuple(stated.inputs))
+    for path in stated.inputs:
+        check_path(path, "inputs")
     if stated.qp_iterations is not None:
         check_whole(stated.qp_iterations, "qp_iterations", 1, MAX_QP_ITERATIONS)
     return stated
@@ -142,6 +150,7 @@ class ControllerParts:
     qp_iterations: int | None = None
     # source package of DAQP, for a quadratic program; None: the usual one
     daqp_sdist: str | Path | None = None
+    policy: Policy | None = None  # observes and acts, in place of all feedback
 
     @property
     def model_name(self) -> str:
@@ -228,6 +237,64 @@ def collect_parts(
     return parts
 
 
+def check_alone(policy: Policy, others: Mapping[str, Any]) -> None:
+    """Raise InvalidValueError for parts of a controller that have no place beside a policy."""
+    check_instance(policy, Policy, "policy", "a Policy, as of read_policy")
+    for name, value in others.items():
+        if value is not None:
+            raise InvalidValueError(
+                "this has no place beside a policy",
+                where=name,
+                given=type(value).__name__,
+                allowed="a policy alone, which states sample, rates, ranges and delays",
+                hint=f"build_controller(scene, policy=policy, out=...) without {name}",
+            )
+
+
+def collect_policy(described: Described, policy: Policy, code: ControllerCode) -> ControllerParts:
+    """Return the parts of a controller that runs a policy, after checks of its actuators."""
+    structure, actions = described.structure, policy.description.action
+    assert structure is not None  # find_model_and_request refuses models without
+    _check_gains(structure)
+    inputs: Sequence[Any] = structure.inputs
+    members = {item.name: tuple(item.rest_length_gain) for item in inputs if item.rest_length_gain}
+    for k, acted in enumerate(actions):
+        check_choice(acted.name, members, "actuator", f"policy.description.action[{k}]")
+    centre, half, rate, delay = np.array([(a.centre, a.half_range, a.rate, a.delay) for a in actions]).T
+    bounds = ActuatorBounds(
+        tuple(acted.name for acted in actions),
+        np.array([described.manifest.input_name.index(acted.name) for acted in actions]),
+        tuple(members[acted.name] for acted in actions),
+        centre - half, centre + half, rate, delay,
+    )  # fmt: skip
+    motors = {motor.name: motor for motor in structure.actuators}
+    for k, name in enumerate(bounds.names):
+        motor = motors.get(name, Actuator(name, members[name]))
+        largest = np.inf if motor.time_constant else motor.rate  # commands of motors that lag may jump
+        lengths = structure.rest_length[list(motor.members)]
+        low, high = lengths.min() + bounds.least[k], lengths.max() + bounds.most[k]
+        outside = max(motor.range[0] - low, high - motor.range[1]) > START_TOLERANCE
+        if outside or rate[k] > largest * (1.0 + START_TOLERANCE):
+            raise InvalidValueError(
+                "the policy asks for more than the actuator can",
+                where=f"policy.description.action[{k}]",
+                given=f"{name}: rest lengths of {low:g} to {high:g} m, {rate[k]:g} m/s",
+                allowed=f"{motor.range[0]:g} to {motor.range[1]:g} m, {largest:g} m/s",
+                hint="the scene for which the policy was trained",
+            )
+    # Inputs of the scene, which are zero, where that is within the range.
+    start, none = np.zeros(len(inputs)), np.zeros((1, 0))
+    start[bounds.place] = np.where((bounds.least <= 0.0) & (bounds.most >= 0.0), 0.0, centre)
+    still = Motion(
+        np.zeros(1), none, none, none, none, start[None], none, np.zeros(0), bounds.names,
+        described.manifest.input_name,
+    )  # fmt: skip
+    return ControllerParts(
+        described.manifest.name if code.name is None else code.name, structure, described.manifest, still,
+        None, None, None, bounds, policy.description.sample, policy=policy,
+    )  # fmt: skip
+
+
 def _check_gains(structure: Subject) -> None:
     """Raise InvalidValueError for an input that changes rest lengths by other gains than 1."""
     inputs: Sequence[RestLengthGains] = structure.inputs
@@ -309,7 +376,7 @@ class _Description:
 
 
 def find_model_and_request(
-    scene: str | Path | CompiledModel, motion: Motion | Equilibrium
+    scene: str | Path | CompiledModel, motion: Motion | Equilibrium | None
 ) -> tuple[Described, ModelRequest]:
     """Return the model of a scene or a compiled one, and the request for its formulation alone."""
     if isinstance(scene, CompiledModel):
@@ -334,7 +401,7 @@ def find_model_and_request(
 
 
 def find_motion(
-    model: Described, motion: Motion | Equilibrium, arguments: Mapping[str, Any] | None = None
+    model: Described, motion: Motion | Equilibrium | None, arguments: Mapping[str, Any] | None = None
 ) -> Motion:
     """Return the motion; an equilibrium as a motion that stays there. Raises as `build_rest`."""
     merged = merge_inputs(model.manifest, arguments)

@@ -10,6 +10,7 @@ from tensegrity_codegen.codegen.print.printer import print_numbers
 from tensegrity_codegen.control.embedded.parts import ControllerParts, limit_iterations
 from tensegrity_codegen.control.feedback.design.linear_samples import split_delays
 from tensegrity_codegen.control.feedback.loop.tension_distribution import PASSES, TensionDistribution
+from tensegrity_codegen.control.feedback.policy import Policy
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.structure.bodies import BodyInput
 from tensegrity_codegen.structure.structure import ActuatedInput
@@ -104,6 +105,8 @@ class TablePrinter:
 def count_knots(parts: ControllerParts) -> dict[str, int]:
     """Return the numbers of knots by the names that the C files have for them."""
     gains, estimator = parts.gains, parts.estimator
+    if parts.policy is not None:
+        return {}
     counts = {"N_MOTION": len(parts.motion.time)}
     if gains is not None:
         counts["N_GAIN"] = max(len(gains.time), 2)
@@ -115,6 +118,11 @@ def count_knots(parts: ControllerParts) -> dict[str, int]:
 def build_tables(parts: ControllerParts, precision: Precision) -> list[Table]:
     """Return all tables but those of the mass matrix."""
     printer = TablePrinter(precision)
+    if parts.policy is not None:
+        return [
+            *_tabulate_policy(parts.policy, parts.motion.input[0], printer),
+            *_tabulate_actuators(parts, printer),
+        ]
     states, inputs = tabulate_states(parts.motion), tabulate_inputs(parts.motion)
     comment = "coordinates, velocities, accelerations, and by how much the next coordinates leave a parabola"
     tables = printer.knots("MOTION_TIME", "MOTION_STATE", states, comment)
@@ -140,6 +148,25 @@ def build_tables(parts: ControllerParts, precision: Precision) -> list[Table]:
         if len(parts.disturbed):
             tables.append(printer.whole("DISTURBED", parts.disturbed, "coordinates with a disturbance force"))
     return tables
+
+
+def _tabulate_policy(policy: Policy, start: FloatArray, printer: TablePrinter) -> list[Table]:
+    actions = policy.description.action
+    weights = np.concatenate([weight.ravel() for weight in policy.weights])
+    return [
+        printer.whole("POLICY_SIZE", policy.sizes, "sizes of the observation and of all layers"),
+        printer.whole(
+            "POLICY_SOURCE", policy.description.sources, "where observed numbers are, -1 - k: command k"
+        ),
+        printer.real("POLICY_MEAN", policy.mean, "what is subtracted from each"),
+        printer.real("POLICY_SCALE", policy.scale, "by what each is divided"),
+        printer.real("POLICY_CLIP", [policy.clip], "bound of the result"),
+        printer.real("POLICY_WEIGHT", weights, "weights of the layers, row by row"),
+        printer.real("POLICY_BIAS", np.concatenate(policy.biases), "biases of the layers"),
+        printer.real("START_INPUT", start, "inputs at the start"),
+        printer.real("ACTION_CENTRE", [acted.centre for acted in actions], "middle of the range of each [m]"),
+        printer.real("ACTION_HALF_RANGE", [acted.half_range for acted in actions], "half of its width [m]"),
+    ]
 
 
 def _tabulate_actuators(parts: ControllerParts, printer: TablePrinter) -> list[Table]:

@@ -34,6 +34,7 @@ from tensegrity_codegen.tables.request import ModelRequest
 SPAN_TOLERANCE = {"double": 1e-6, "single": 1e-3}  # of a sample
 COMMAND_TOLERANCE = {"double": 1e-12, "single": 1e-7}  # [m]
 ITEM_BYTES = {"int": 4, "unsigned char": 1, "float": 4, "double": 8}
+UNSAFE = re.compile(r'[^ -~]|["\\?]')  # characters that strings in C do not hold as they are
 SPANS = re.compile(r"/\*.*?\*/|#ifdef __cplusplus\n.*?#endif|^#[^\n]*", re.DOTALL | re.MULTILINE)
 
 
@@ -223,6 +224,8 @@ def build_context(parts: ControllerParts, model: Manifest | None, precision: Pre
         "daqp": _write_daqp(parts, precision),
         "is_length": [int(number.is_length) for number in measured],
         "start": _print_start(parts, precision),
+        "seen": "observation" if parts.policy else "length" if parts.estimator else "",
+        "policy": parts.policy,
     }
 
 
@@ -243,8 +246,9 @@ def _list_settings(parts: ControllerParts, precision: str) -> dict[str, bool]:
         "WITH_SUMS": len(parts.integral_action) > 0,
         "WITH_MPC": parts.mpc is not None,
         "WITH_PUSH": parts.mpc is not None and len(parts.disturbed) > 0 and not len(parts.integral_action),
+        "WITH_POLICY": parts.policy is not None,
         "WITH_CLIP": parts.mpc is None and parts.distribution is None,
-        "WITH_DELAY": parts.n_past > 0 or bool(parts.bounds.delay.any()),
+        "WITH_DELAY": parts.policy is None and (parts.n_past > 0 or bool(parts.bounds.delay.any())),
         "WITH_PAST": parts.n_past > 0,
         "WITH_DISTURBANCE": len(parts.disturbed) > 0,
         "WITH_DISTRIBUTION": parts.distribution is not None,
@@ -253,6 +257,14 @@ def _list_settings(parts: ControllerParts, precision: str) -> dict[str, bool]:
 
 def find_sizes(parts: ControllerParts, calls: Calls) -> dict[str, int]:
     """Return the sizes that the header states, by their names."""
+    if parts.policy is not None:
+        return {
+            "N_ACTUATORS": len(parts.bounds.names),
+            "N_INPUTS": len(parts.motion.input_name),
+            "N_SENSORS": len(find_names(parts)["sensor"]),
+            "N_SENT": len(parts.delays().commands),
+            "SIZE_LAYER": max(parts.policy.sizes),
+        }
     n = parts.motion.coordinate.shape[1]
     return {
         "N_COORDINATES": n,
@@ -272,6 +284,9 @@ def find_sizes(parts: ControllerParts, calls: Calls) -> dict[str, int]:
 
 def find_names(parts: ControllerParts) -> dict[str, tuple[str, ...]]:
     """Return the names that a controller can tell, by the kinds of their owners."""
+    if parts.policy is not None:
+        numbers = [UNSAFE.sub("_", number) for number in parts.policy.description.numbers]
+        return {"actuator": parts.bounds.names, "sensor": tuple(numbers)}
     states = name_moving_states(parts.manifest)
     return {
         "actuator": parts.bounds.names,
@@ -282,6 +297,9 @@ def find_names(parts: ControllerParts) -> dict[str, tuple[str, ...]]:
 
 def _print_start(parts: ControllerParts, precision: Precision) -> dict[str, list[str]]:
     """Return the state at the start of the motion, and the measurements there."""
+    if parts.policy is not None:
+        mean = parts.policy.mean[parts.policy.description.sources >= 0]
+        return {"measured": print_numbers(mean, precision, "the mean")}
     point = parts.motion.at(0.0)
     state = np.concatenate([point.coordinate, point.velocity])
     start = {"state": print_numbers(state, precision, "the start")}
@@ -327,7 +345,7 @@ def write_files(parts: ControllerParts, request: ModelRequest, precision: Precis
         sizes=context["sizes"],
         knots=context["knots"],
         actuators=find_names(parts)["actuator"],
-        coordinates=find_names(parts)["coordinate"],
+        coordinates=find_names(parts).get("coordinate", ()),
         sensors=find_names(parts)["sensor"],
         inputs=parts.motion.input_name,
         statuses=tuple(CONTROL_STATUS),
@@ -336,6 +354,7 @@ def write_files(parts: ControllerParts, request: ModelRequest, precision: Precis
         declarations=read_declarations(header),
         made_by=find_program_versions(),
         model=None if model is None else json.loads(model.to_json()),
+        policy=None if parts.policy is None else parts.policy.summary,
     )
     return ControllerFiles(texts, description)
 

@@ -2,7 +2,6 @@
 
 import json
 import math
-import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -20,7 +19,7 @@ from tensegrity_codegen.runtime.model.arrays import (
     to_doubles,
     write_arrays,
 )
-from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.checks import check_instance, check_whole, is_number
 from tensegrity_codegen.system.errors import (
     InvalidValueError,
@@ -41,12 +40,12 @@ ACTIVATIONS: dict[str, Callable[[FloatArray], FloatArray]] = {
 OUTPUTS = ("linear", "tanh")
 LARGEST = 1e30  # of what a network can compute: single precision holds it
 MAX_DELAY = 1000  # samples
-LABEL = re.compile(r"[\w .,:;()\[\]'/+=^-]{1,100}", re.ASCII)  # names stand in strings and comments of C
+MAX_NAME = 200  # characters
 
 
 def _check_label(value: Any, where: str) -> None:
-    if not isinstance(value, str) or not LABEL.fullmatch(value):
-        allowed = "1 to 100 letters, digits, spaces and . , : ; ( ) [ ] ' / + = ^ - _"
+    if not isinstance(value, str) or not value.isprintable() or not 0 < len(value) <= MAX_NAME:
+        allowed = f"1 to {MAX_NAME} characters that can be printed"
         raise InvalidValueError("not a name", where=where, given=value, allowed=allowed)
 
 
@@ -155,30 +154,43 @@ class Description:
     randomised: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        check_instance(self.scene, str, "scene", "the name of a scene")
         _check_range(self.sample, "sample")
+        check_instance(self.scene, str, "scene", "the name of a scene")
         for name, kind in (("observation", Observed), ("action", Acted), ("randomised", str)):
             parts: Any = getattr(self, name)
             check_instance(parts, (list, tuple), name, f"a tuple of {kind.__name__}")
+            for part in parts:
+                check_instance(part, kind, name, kind.__name__)
             object.__setattr__(self, name, tuple(parts))
-            for k, part in enumerate(parts):
-                check_instance(part, kind, f"{name}[{k}]", kind.__name__)
         names = [acted.name for acted in self.action]
-        if not names or not self.observation or len(set(names)) < len(names):
-            given = f"{len(self.observation)} observations, actions {', '.join(names) or 'none'}"
-            allowed = "at least one observation and one action, each action once"
+        if not names or not self.numbers or len(set(names)) < len(names):
+            given = f"{len(self.numbers)} observed numbers, actions {', '.join(names) or 'none'}"
+            allowed = "at least one number beside commands and one action, each action once"
             raise InvalidValueError("not a description", where="action", given=given, allowed=allowed)
         for acted in self.action:
             _check_range(acted.delay, f"action {acted.name}: delay", 0.0, MAX_DELAY * self.sample)
-        for observed in self.observation:
-            if observed.name == COMMAND and observed.size != len(names):
-                where, allowed = "observation command: size", f"{len(names)}, one for each action"
-                raise InvalidValueError("out of range", where=where, given=observed.size, allowed=allowed)
+        for seen in self.observation:
+            if seen.name == COMMAND:
+                check_whole(seen.size, "observation command: size", len(names), len(names))
 
     @property
     def n_observation(self) -> int:
         """How many numbers an observation has, commands among them."""
         return sum(observed.size for observed in self.observation)
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Name and unit of each number of an observation but the commands."""
+        seen = [part for part in self.observation if part.name != COMMAND]
+        rows = [(part, f"[{k}]" if part.size > 1 else "") for part in seen for k in range(part.size)]
+        return tuple(f"{part.name}{place} in {part.unit}" for part, place in rows)
+
+    @property
+    def sources(self) -> IntArray:
+        """Place of each number of an observation among `numbers`; of the command of action k -1 - k."""
+        is_command = np.array([seen.name == COMMAND for seen in self.observation for _ in range(seen.size)])
+        commands = -1 - (np.cumsum(is_command) - 1) % len(self.action)
+        return np.where(is_command, commands, np.cumsum(~is_command) - 1)
 
     def to_json(self) -> str:
         """Return it as JSON text, in which a rate without limit is null."""
@@ -244,25 +256,20 @@ class Policy(Summarised):
             check_instance(getattr(self, name), (list, tuple), name, "a tuple of arrays, one for each layer")
             layers = [_freeze(value, f"{name}[{k}]") for k, value in enumerate(getattr(self, name))]
             object.__setattr__(self, name, tuple(layers))
-        if not self.weights or len(self.weights) != len(self.biases):
-            given = f"{len(self.weights)} arrays of weights, {len(self.biases)} of biases"
-            allowed, problem = "one of each for every layer", "not the layers of a network"
-            raise InvalidValueError(problem, where="biases", given=given, allowed=allowed)
+        check_whole(len(self.biases), "biases: layers", max(len(self.weights), 1), len(self.weights))
         # Sizes from the observation to the actions, and the largest sums that clipped observations can give.
-        size = self.description.n_observation
+        bound = np.full(size := self.description.n_observation, float(self.clip))
         for name in ("mean", "scale"):
             object.__setattr__(self, name, _freeze(getattr(self, name), name))
             check_shape(getattr(self, name), (size,), name)
         _check_range(float(self.scale.min()), "scale")
-        bound = np.full(size, float(self.clip))
         for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             is_last = k + 1 == len(self.weights)
             n_out = len(self.description.action) if is_last else len(weight) if weight.ndim == 2 else 0
             check_shape(weight, (n_out, size), f"weights[{k}]")
             check_shape(bias, (n_out,), f"biases[{k}]")
-            size = n_out
             with np.errstate(over="ignore"):
-                bound = np.maximum(np.abs(weight) @ bound + np.abs(bias), 1.0)
+                size, bound = n_out, np.maximum(np.abs(weight) @ bound + np.abs(bias), 1.0)
             _check_range(float(bound.max()), f"weights[{k}]: largest sum of products", 0.0)
 
     @property
@@ -270,13 +277,16 @@ class Policy(Summarised):
         """Sizes of the observation and of the results of all layers."""
         return (self.description.n_observation, *(len(bias) for bias in self.biases))
 
+    @property
+    def summary(self) -> dict[str, Any]:
+        """All but the numbers of the layers, JSON-ready."""
+        named = {name: getattr(self, name) for name in ("sizes", "activation", "output", "clip")}
+        return dict(plain(named | {"description": asdict(self.description)}))
+
     def __call__(self, observation: ArrayLike) -> FloatArray:
         """Return the actions (n, n_actions) or (n_actions,) for (n, n_observation) or (n_observation,)."""
-        n = self.sizes[0]
-        allowed = f"shape (n, {n}) or ({n},)"
-        values = to_doubles(observation, "observation", allowed)
-        if values.ndim not in (1, 2) or values.shape[-1] != n:
-            raise InvalidValueError("wrong shape", where="observation", given=values.shape, allowed=allowed)
+        values = to_doubles(observation, "observation", "numbers")
+        check_shape(values, (*values.shape[:-1][-1:], self.sizes[0]), "observation")
         values = np.clip((values - self.mean) / self.scale, -self.clip, self.clip)
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
             values = ACTIVATIONS[self.activation](values @ weight.T + bias)
@@ -337,12 +347,8 @@ def read_policy(path: str | Path) -> Policy:
         data = read_arrays(Path(path))
         layers = range(sum(name.startswith("weights[") for name in data) or 1)
         return Policy(
-            weights=tuple(data[f"weights[{k}]"] for k in layers),
-            biases=tuple(data[f"biases[{k}]"] for k in layers),
-            activation=str(data["activation"]),
-            output=str(data["output"]),
-            mean=data["mean"],
-            scale=data["scale"],
-            clip=data["clip"].item(),
+            weights=tuple(data[f"weights[{k}]"] for k in layers), mean=data["mean"], scale=data["scale"],
+            biases=tuple(data[f"biases[{k}]"] for k in layers), activation=str(data["activation"]),
+            output=str(data["output"]), clip=data["clip"].item(),
             description=Description.from_json(str(data["description"])),
-        )
+        )  # fmt: skip

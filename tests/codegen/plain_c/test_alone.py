@@ -35,6 +35,12 @@ def test_every_compiler_takes_every_size(
         compile_alone(files, compiler, language, options_for(n, single), tmp_path)
 
 
+@pytest.mark.parametrize("language", ["c", "c++"])
+def test_a_controller_with_a_policy_compiles(language: str, tmp_path: Path) -> None:
+    options = (*options_for(1, language == "c"), "-DWITH_POLICY=1", "-DWITH_GAINS=0", "-DWITH_ESTIMATOR=0")
+    compile_alone(CONTROL, "gcc" if language == "c" else CPP["gcc"], language, options, tmp_path)
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
 @pytest.mark.parametrize("gains", [0, 1])

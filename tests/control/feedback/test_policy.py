@@ -99,8 +99,8 @@ def test_descriptions_are_json(tmp_path: Path) -> None:
         ({"scale": np.array([1.0, 0.0, 1.0, 1.0])}, InvalidValueError, "scale"),
         ({"scale": np.array([1.0, np.nan, 1.0, 1.0])}, NonFiniteError, "scale"),
         ({"clip": 0.0}, InvalidValueError, "clip"),
-        ({"weights": (), "biases": ()}, InvalidValueError, "biases"),
-        ({"biases": (np.zeros(3),)}, InvalidValueError, "biases"),
+        ({"weights": (), "biases": ()}, InvalidValueError, "biases: layers"),
+        ({"biases": (np.zeros(3),)}, InvalidValueError, "biases: layers"),
         ({"weights": (np.zeros((3, 5)), np.zeros((2, 3)))}, InvalidValueError, "weights[0]"),
         ({"weights": (np.zeros((3, 4)), np.zeros((3, 3)))}, InvalidValueError, "weights[1]"),
         ({"weights": (np.zeros(4), np.zeros((2, 3)))}, InvalidValueError, "weights[0]"),
@@ -124,8 +124,9 @@ def test_wrong_networks_are_refused(changes: dict[str, Any], error: type[Excepti
 @pytest.mark.parametrize(
     "make",
     [
-        lambda: Observed('x"; }', "m"),
-        lambda: Observed("x */", "m"),
+        lambda: Observed("", "m"),
+        lambda: Observed("two\nlines", "m"),
+        lambda: Observed("x", "m" * 300),
         lambda: Observed("x", "m", 0),
         lambda: Observed("x", "m", 1, -1.0),
         lambda: Acted("winch", 0.0, 0.0),
@@ -134,13 +135,14 @@ def test_wrong_networks_are_refused(changes: dict[str, Any], error: type[Excepti
         lambda: Description("prism", 0.02, SEEN[:1], (Acted("winch", 0.0, 1.0, delay=-1.0),)),
         lambda: Description("prism", 0.0, SEEN, ACTIONS),
         lambda: Description("prism", 0.02, SEEN, ()),
+        lambda: Description("prism", 0.02, SEEN[1:], ACTIONS),
         lambda: Description("prism", 0.02, SEEN, (ACTIONS[0], ACTIONS[0])),
         lambda: Description("prism", 0.02, SEEN, ACTIONS[:1]),
         lambda: Description("prism", 1e-6, SEEN, ACTIONS),
     ],
 )
 def test_wrong_descriptions_are_refused(make: Any) -> None:
-    """Names that would break C, sizes, ranges, no action, one twice, commands of others, long delays."""
+    """Names, sizes, ranges, no action, one twice, commands of others, long delays."""
     with pytest.raises(InvalidValueError):
         make()
 
