@@ -34,7 +34,9 @@ typedef struct {
   real time;                                    /* of the last step [s] */
   real command[SCENE_CONTROL_N_ACTUATORS];      /* input of each actuator, the change of its rest lengths [m] */
   real wanted[SCENE_CONTROL_N_ACTUATORS];       /* input that feedback asked for [m] */
-#if !WITH_POLICY
+#if WITH_POLICY
+  real action[SCENE_CONTROL_N_ACTUATORS];       /* of the network, -1 to 1 */
+#else
   real deviation[SCENE_CONTROL_N_STATES + SCENE_CONTROL_N_SUMS + SCENE_CONTROL_N_PAST]; /* state minus that of the
     motion; sums; commands on their way minus those of the motion, of each actuator the latest first */
   real estimate[SCENE_CONTROL_N_STATES + SCENE_CONTROL_N_DISTURBANCES]; /* coordinates, velocities, forces */

@@ -26,7 +26,8 @@ static inline void policy_act(const real *observation, scene_control *c)
     result = c->work.layer + (k % 2 == 0 ? N_WIDTH : 0);
   }
   for (j = 0; j < N_U; ++j) {
-    c->wanted[j] = ACTION_CENTRE[j] + ACTION_HALF_RANGE[j] * control_clip(values[j], (real)-1.0, (real)1.0);
+    c->action[j] = control_clip(values[j], (real)-1.0, (real)1.0);
+    c->wanted[j] = ACTION_CENTRE[j] + ACTION_HALF_RANGE[j] * c->action[j];
   }
 }
 

@@ -191,11 +191,12 @@ class LoadedController:
     def read(self, field: str) -> FloatArray:
         """Return a copy of an array in the memory of the controller, such as ``"command"``.
 
-        ``"command"``: inputs of the actuators [m]; ``"wanted"``: before they were cut; ``"estimate"``:
-        coordinates, velocities, disturbance forces; ``"disturbance"``: force on each coordinate;
-        ``"deviation"``: of the state from the motion, then sums; ``"input"``: all inputs; with a distribution
-        of tensions ``"distribution.yields"``: members that actuators pull whose least tension yields,
-        ``"distribution.iterations"``: most iterations of the solver in one program of the last step, ().
+        ``"command"``: inputs of the actuators [m]; ``"wanted"``: before they were cut; ``"action"``: of the
+        network of a policy; ``"estimate"``: coordinates, velocities, disturbance forces; ``"disturbance"``:
+        force on each coordinate; ``"deviation"``: of the state from the motion, then sums; ``"input"``: all
+        inputs; with a distribution of tensions ``"distribution.yields"``: members that actuators pull whose
+        least tension yields, ``"distribution.iterations"``: most iterations of the solver in one program of
+        the last step, ().
         """
         value = self._memory
         for name in str(field).split("."):

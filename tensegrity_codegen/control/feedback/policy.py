@@ -284,13 +284,19 @@ class Policy(Summarised):
         return dict(plain(named | {"description": asdict(self.description)}))
 
     def __call__(self, observation: ArrayLike) -> FloatArray:
-        """Return the actions (n, n_actions) or (n_actions,) for (n, n_observation) or (n_observation,)."""
+        """Return the actions (n, n_actions) or (n_actions,) for (n, n_observation) or (n_observation,).
+
+        They have the bits of the policy in C, but for what `tanh` and `exp` differ by in the last place.
+        """
         values = to_doubles(observation, "observation", "numbers")
         check_shape(values, (*values.shape[:-1][-1:], self.sizes[0]), "observation")
         values = np.clip((values - self.mean) / self.scale, -self.clip, self.clip)
-        for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
-            values = ACTIVATIONS[self.activation](values @ weight.T + bias)
-        values = values @ self.weights[-1].T + self.biases[-1]
+        for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            products = weight * values[..., None, :]
+            terms = np.concatenate([np.broadcast_to(bias, products.shape[:-1])[..., None], products], axis=-1)
+            values = np.cumsum(terms, axis=-1)[..., -1]  # in the order of the sums in C
+            if k + 1 < len(self.weights):
+                values = ACTIVATIONS[self.activation](values)
         return np.clip(np.tanh(values) if self.output == "tanh" else values, -1.0, 1.0)
 
     def write(self, path: str | Path, *, overwrite: bool = False) -> None:

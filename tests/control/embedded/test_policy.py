@@ -130,6 +130,21 @@ def test_commands_are_those_of_numpy(
         np.testing.assert_allclose(late[back:, u], expected[: len(rows) - back, u], rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize("hidden", [(), (12, 7)])
+def test_actions_without_tanh_have_the_bits_of_numpy(
+    model: CompiledModel, tmp_path: Path, hidden: tuple[int, ...]
+) -> None:
+    policy = draw_policy(hidden, activation="relu", output="linear")
+    controller = build(model, policy, tmp_path / "ctl").load()
+    controller.init()
+    for row in draw_observations(200):
+        if np.isfinite(row).all():
+            seen = np.insert(row, [1] * 3, controller.read("command"))
+            controller.next(row)
+            assert np.array_equal(controller.read("action"), policy(seen))
+            assert np.array_equal(policy(np.array([0 * seen, seen]))[1], policy(seen))
+
+
 def test_single_precision_follows_double(model: CompiledModel, tmp_path: Path) -> None:
     """To 1e-6 m, without a number in double precision; the sources give no warning."""
     policy, rows = draw_policy(activation="elu"), draw_observations(300)
