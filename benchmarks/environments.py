@@ -7,7 +7,8 @@ cable: three rods in nine cables, and six rods in 24 cables (SuperBall's layout)
 MJCF. Motors get random commands, held over samples of 20 ms. An error is how far the ends of rods are, after
 one sample from a state of that program's own motion, from those of its own converged reference; what counts
 is the 95th percentile over states, 1e-4 m at most. Ours runs at the loosest tolerance that reaches it, MuJoCo
-at the longest step, with mujoco.rollout on as many threads, and with the first one of its cones. Times are of
+at the longest step, with mujoco.rollout on as many threads, and at 2 ms beside it; MJX where it is installed,
+at MuJoCo's step. Times are of
 the clock, medians over rounds that take turns.
 """
 
@@ -18,6 +19,8 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -252,6 +255,7 @@ class Peer:
             ends[count] = place_ends(qpos, self.robot)
         reference = ends[REFERENCE]
         errors = {count: np.abs(end - reference).max(axis=1) for count, end in ends.items()}
+        self.at = state, command, reference
         good = next((count for count in COUNTS if share(errors[count]) <= ALLOWED), 0)
         at = errors[good or COUNTS[-1]]
         return {
@@ -262,6 +266,48 @@ class Peer:
     def room(self, model: mujoco.MjModel, n: int, count: int) -> Array:
         """Return memory for the states after every step."""
         return np.empty((n, count, mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)))
+
+
+class Mjx:
+    """MJX, MuJoCo in JAX, in single precision as it comes: 64 robots in one call."""
+
+    def __init__(self, peer: Peer, count: int) -> None:
+        import jax
+        from mujoco import mjx
+
+        self.peer, self.jax, model = peer, jax, peer.load(count)
+        on_device, blank = mjx.put_model(model), mjx.make_data(model)
+
+        def advance(qpos: Any, qvel: Any, control: Any) -> tuple[Any, Any]:
+            data = blank.replace(qpos=qpos, qvel=qvel, ctrl=control)
+            data = jax.lax.fori_loop(0, count, lambda _, d: mjx.step(on_device, d), data)
+            return data.qpos, data.qvel
+
+        self.advance = jax.jit(jax.vmap(advance))
+        self.nq, self.nv = model.nq, model.nv
+
+    def find_error(self, states: Array, command: Array, reference: Array) -> Array:
+        """Return how far the ends of rods are after a sample (n,) [m]."""
+        qpos, qvel = np.split(states[:, 1 : 1 + self.nq + self.nv], [self.nq], axis=1)
+        found, _ = self.advance(qpos, qvel, command * self.peer.gain)
+        return np.abs(place_ends(np.asarray(found, np.float64), self.peer.robot) - reference).max(axis=1)
+
+    def prepare(self, n: int, samples: int) -> Callable[[], float]:
+        """Return a run to the time of a robot step [s], likewise."""
+        start = self.peer.start(self.peer.load(1), n)[:, 1 : 1 + self.nq + self.nv]
+        control = draw_commands(self.peer.robot, n, 2 * samples, 2) * self.peer.gain
+
+        def run() -> float:
+            state = tuple(np.split(start, [self.nq], axis=1))
+            for k in range(2 * samples):
+                if k == samples:
+                    self.jax.block_until_ready(state)
+                    started = time.perf_counter()
+                state = self.advance(*state, control[:, k])
+            self.jax.block_until_ready(state)
+            return (time.perf_counter() - started) / samples / n
+
+        return run
 
 
 def prepare_ours(
@@ -305,49 +351,37 @@ def prepare_peer(peer: Peer, count: int, n: int, samples: int) -> Callable[[], f
 def measure(robot: Robot, chosen: argparse.Namespace) -> list[dict[str, Any]]:
     """Return the rows of a robot."""
     threads, states = chosen.threads, chosen.states
+    rows: list[dict[str, Any]] = []
+    runs: list[Callable[[], float]] = []
+
+    def add(name: str, setting: str, error: float, run: Callable[[], float]) -> None:
+        rows.append({"robot": robot.name, "name": name, "setting": setting, "error": error})
+        print(rows[-1], flush=True)
+        runs.append(run)
+
     model = compile_robot(robot)
     own = find_rtol(model, robot, states)
-    print(robot.name, own, flush=True)
-    runs: dict[str, Callable[[], float]] = {
-        f"ours, {t} thread{'s' if t > 1 else ''}": prepare_ours(
-            model, robot, own["rtol"], chosen.robots, t, 25
-        )
-        for t in sorted({1, threads})
-    }
-    rows = [{"robot": robot.name, "name": name, "setting": f"rtol {own['rtol']:.1e}", **own} for name in runs]
-    for integrator, cone in (
-        ("implicitfast", "elliptic"),
-        ("implicitfast", "pyramidal"),
-        ("RK4", "elliptic"),
-        ("RK4", "pyramidal"),
-    ):
+    for t in sorted({1, threads}):
+        run = prepare_ours(model, robot, own["rtol"], chosen.robots, t, 25)
+        add(f"ours, {t} thread{'s' if t > 1 else ''}", f"rtol {own['rtol']:.1e}", own["error"], run)
+    for integrator, cone in product(("implicitfast", "RK4"), ("elliptic", "pyramidal")):
         peer = Peer(robot, integrator, cone, threads)
         found = peer.find_step(states)
-        print(robot.name, integrator, cone, found, flush=True)
-        for count, of in ((found["count"] or COUNTS[-1], ""), (COUNTS[0], " at 2 ms")):
-            name = f"MuJoCo {integrator}, {cone}{of}"
+        best = found["count"] or COUNTS[-1]
+        for count, error in ((best, found["error"]), (COUNTS[0], found["usual"])):
             n = max(threads * 4, min(chosen.robots, 200_000 // (count * 25) * threads))
-            runs[name] = prepare_peer(peer, count, n, 5)
-            error = found["usual"] if of else found["error"]
-            rows.append(
-                {
-                    "robot": robot.name,
-                    "name": name,
-                    "setting": f"{SAMPLE / count * 1e3:.2g} ms",
-                    **found,
-                    "error": error,
-                }
-            )
-    seconds = {name: [] for name in runs}
-    for _ in range(chosen.rounds):
-        for name, run in runs.items():
-            seconds[name].append(run())
-    for row in rows:
-        row["seconds"] = float(np.median(seconds[row["name"]]))
-        row["ratio"] = row["seconds"] / min(
-            float(np.median(s)) for name, s in seconds.items() if name.startswith("ours")
-        )
-    return rows
+            setting = f"{SAMPLE / count * 1e3:.2g} ms"
+            add(f"MuJoCo {integrator}, {cone}", setting, error, prepare_peer(peer, count, n, 5))
+        if cone == "pyramidal" and find_spec("jax") and find_spec("mujoco.mjx"):
+            mjx = Mjx(peer, best)
+            error = share(mjx.find_error(*peer.at))
+            setting = f"{SAMPLE / best * 1e3:.2g} ms"
+            add(f"MJX {integrator}, {cone}, float32", setting, error, mjx.prepare(states, 2))
+    seconds = [[run() for run in runs] for _ in range(chosen.rounds)]
+    for row, found_seconds in zip(rows, np.median(seconds, axis=0).tolist(), strict=True):
+        row["seconds"] = found_seconds
+    fastest = min(row["seconds"] for row in rows if row["name"].startswith("ours"))
+    return [{**row, "ratio": row["seconds"] / fastest} for row in rows]
 
 
 def main() -> None:
