@@ -1,5 +1,7 @@
 """Copies of a motion, advanced sample by sample: as by `simulate`, and independent of each other."""
 
+import subprocess
+import sys
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -22,7 +24,7 @@ from tensegrity_codegen.system.errors import (
 )
 from tests.cases import thorough
 from tests.free_body_cases import make_random
-from tests.models import EXAMPLES, simulator
+from tests.models import EXAMPLES, ROOT, simulator
 from tests.ring_cases import make_swing
 from tests.runtime.accuracy.test_contacts import draw, measure
 from tests.runtime.integrate.test_plastic import make_net
@@ -261,3 +263,14 @@ def test_wrong_calls() -> None:
         stepper.reset(coordinate=np.full(6, np.nan))
     with pytest.raises(InvalidValueError, match="wrong shape"):
         stepper.reset([0, 1], velocity=np.zeros((3, 6)))
+
+
+@pytest.mark.thorough
+def test_the_loop_in_real_time_holds_the_prism() -> None:
+    command = [sys.executable, str(ROOT / "examples" / "real_time.py"), "--seconds", "2"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
+    lines = done.stdout.splitlines()
+    assert [line.split(":")[0] for line in lines[:2]] == ["turns began late by", "a turn took"]
+    most, end = (float(word) for word in lines[-1].split() if word[0].isdigit())
+    assert 1e-4 < most < 1e-2
+    assert end < 0.01 * most

@@ -1,6 +1,6 @@
 """Hold the pinned prism at 1 kHz from Python, in real time, and print how late each turn began.
 
-    python examples/python/real_time.py [--seconds 5]
+    python examples/real_time.py [--seconds 5]
 
 Each turn takes the state of the plant, which a stepper advances by 1 ms, computes the commands of a regulator
 within range and rate of the actuators, and sends them. A push of 2 N for 50 ms comes after a second.
@@ -54,7 +54,7 @@ def main() -> None:
         middle, high = np.quantile(seconds, [0.5, 0.99]) * 1e6
         print(f"{name}: median {middle:.0f}, 99 % {high:.0f}, most {seconds.max() * 1e6:.0f} microseconds")
     print(f"late by more than a turn: {np.count_nonzero(late > SAMPLE)} of {turns}")
-    print(f"away from rest: {away.max():.2e} at most, {away[-1]:.2e} at the end")
+    print(f"away from rest: {away.max():.2e} rad at most, {away[-1]:.2e} rad at the end")
 
 
 if __name__ == "__main__":
