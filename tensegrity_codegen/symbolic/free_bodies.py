@@ -184,7 +184,7 @@ class BodyFrame:
 
 
 def build_body_quantities(frames: list[BodyFrame]) -> Mapping[str, Callable[[], ca.SX]]:
-    """Return the builders of positions, axes and angular velocities of bodies, none without bodies."""
+    """Return the builders of positions, axes and their rates of bodies, none without bodies."""
 
     def stack(vectors: Callable[[BodyFrame], list[Scalar]]) -> Callable[[], ca.SX]:
         return lambda: ca.horzcat(*[ca.vertcat(*vectors(frame)) for frame in frames])
@@ -197,6 +197,7 @@ def build_body_quantities(frames: list[BodyFrame]) -> Mapping[str, Callable[[], 
         return {}
     return {
         "body_position": stack(lambda frame: frame.centre),
+        "body_velocity": stack(lambda frame: frame.centre_rate),
         "body_axes": stack(rotation),
         "body_angular_velocity": stack(BodyFrame.angular_velocity),
     }

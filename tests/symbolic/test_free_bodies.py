@@ -101,6 +101,7 @@ def test_position_axes_angular_velocity_and_energy_of_bodies(seed: int) -> None:
     _, axes, _, _ = case.mapped.find_bodies(*case.mapped.move_nodes(case.y))
     count = len(r)
     assert differ(case.found("body_position", **case.arguments).reshape(count, 3), r) < 1e-14
+    assert differ(case.found("body_velocity", **case.arguments).reshape(count, 3), v) < 1e-13
     assert differ(case.found("body_axes", **case.arguments).reshape(count, 3, 3), axes) < 1e-12
     assert differ(case.found("body_angular_velocity", **case.arguments).reshape(count, 3), omega) < 1e-12
     spin = np.einsum("bi,bij,bj->", omega, reference.inertia, omega)

@@ -39,6 +39,10 @@ BODIES = (
         "Positions of the centres of mass of free bodies.",
     ),
     Quantity(
+        "body_velocity", "r_c'", "m/s", ("n_bodies", "n_axes"),
+        "Velocities of the centres of mass of free bodies.",
+    ),
+    Quantity(
         "body_axes", "R", "1", ("n_bodies", "n_rotation"),
         "Rotation matrix of each free body, row by row: its columns are the axes of the body's frame.",
     ),
