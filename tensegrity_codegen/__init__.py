@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from tensegrity_codegen.control.planning.plan import plan
     from tensegrity_codegen.export.export_acados import export_acados
     from tensegrity_codegen.export.export_fmu import export_fmu
+    from tensegrity_codegen.learning.environment import environment
+    from tensegrity_codegen.learning.step import EnvironmentStep
     from tensegrity_codegen.live.draw import draw
     from tensegrity_codegen.live.live_page import LivePage, view
     from tensegrity_codegen.pipeline.build_library import build_library
@@ -98,6 +100,7 @@ __all__ = [
     "Design",
     "Disturbance",
     "Draws",
+    "EnvironmentStep",
     "Equilibria",
     "Equilibrium",
     "EquilibriumPath",
@@ -150,6 +153,7 @@ __all__ = [
     "design_lqr",
     "design_mpc",
     "draw",
+    "environment",
     "equilibrium_sensitivity",
     "export_acados",
     "export_fmu",
@@ -206,6 +210,8 @@ _NAMES = {
     "control.planning.plan": ("plan",),
     "export.export_acados": ("export_acados",),
     "export.export_fmu": ("export_fmu",),
+    "learning.environment": ("environment",),
+    "learning.step": ("EnvironmentStep",),
     "live.draw": ("draw",),
     "live.live_page": ("LivePage", "view"),
     "pipeline.build_library": ("build_library",),

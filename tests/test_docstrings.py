@@ -162,7 +162,7 @@ LONG = (
 
 @pytest.mark.parametrize("name", [*(name for name in WITH_EXAMPLE if name not in LONG), *thorough(*LONG)])
 def test_the_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for scene in ("prism", "prism12", "two_nodes"):
+    for scene in ("prism", "prism12", "two_nodes", "pinned_prism"):
         shutil.copy(ROOT / f"tensegrity_codegen/scene/examples/{scene}.toml", tmp_path)
     monkeypatch.chdir(tmp_path)
     text = inspect.cleandoc(PUBLIC[name].__doc__ or "")

@@ -169,6 +169,14 @@ def deliver(folder: Path, results: dict[str, object]) -> dict[str, object]:
         model, motion, tuning.Q, tuning.R, sample=0.02, integral_action=tuning.integral_action
     )
     tc.export_acados(model, motion, ahead, out=folder / "acados")
+
+    def reward(step: tc.EnvironmentStep) -> Any:
+        return step.progress() - 0.1 * step.effort()
+
+    env = tc.environment(folder / "lift.toml", 2, act={"winch": (-0.1, 0.1)}, reward=reward, seconds=0.04)
+    env.reset(seed=1)
+    recorded: tc.Trajectory = env.record()
+    assert len(recorded.time) == 3
     fmu = tc.export_fmu(folder / "lift.toml", folder / "lift.fmu")
     stored = tc.sweep(
         SCENE, do="evaluate", over={"gravity[2]": "-10:0:3"}, out=folder / "sweep.zarr", workers=1

@@ -71,7 +71,11 @@ def settle_structure(
 
 
 def find_settled(
-    subject: Subject, request: ModelRequest, *, warn: Callable[[str], None] | None = None
+    subject: Subject,
+    request: ModelRequest,
+    *,
+    warn: Callable[[str], None] | None = None,
+    arguments: Mapping[str, Any] | None = None,
 ) -> "tuple[Subject, Equilibrium]":
     """Return the structure or bodies at rest at the equilibrium, and the equilibrium at its place."""
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
@@ -79,7 +83,8 @@ def find_settled(
     statics = with_statics(subject, request)
     moved, offset = move_near_origin(subject, request)
     needs = find_needs("equilibrium", moved, statics).alone(statics)
-    equilibrium = find_equilibrium(build_library(moved, needs, calls=FEW_CALLS).load())
+    model = build_library(moved, needs, calls=FEW_CALLS).load()
+    equilibrium = find_equilibrium(model, arguments=arguments)
     if warn is not None:
         for warning in equilibrium.warnings:
             warn(warning)

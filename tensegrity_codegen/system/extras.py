@@ -6,6 +6,7 @@ from typing import Any
 from tensegrity_codegen.system.errors import MissingExtraError
 
 PLOT, CONTROL, TABLES, SWEEP, CLUSTER, CAD = "plot", "control", "tables", "sweep", "cluster", "cad"
+LEARN = "learn"
 PACKAGES = {  # the packages of each extra, as in pyproject.toml
     PLOT: ("matplotlib", "pillow"),
     "cc": ("ziglang",),
@@ -14,6 +15,7 @@ PACKAGES = {  # the packages of each extra, as in pyproject.toml
     SWEEP: ("SALib", "google-crc32c", "xarray", "zarr"),
     CLUSTER: ("dask", "distributed"),
     CAD: ("ezdxf",),
+    LEARN: ("gymnasium",),
 }
 WORK = {
     PLOT: "pictures need",
@@ -22,6 +24,7 @@ WORK = {
     SWEEP: "sweeps need",
     CLUSTER: "sweeps on a cluster need",
     CAD: "DXF files need",
+    LEARN: "environments need",
 }
 
 

@@ -34,6 +34,7 @@ NEEDS = {
     "docs/control.md": ("daqp",),
     "docs/export.md": ("ezdxf",),
     "docs/import.md": ("ezdxf",),
+    "docs/learning.md": ("gymnasium",),
     "docs/gallery/late_prism.md": ("zarr", "xarray", "SALib"),
     "docs/gallery/prism12.md": ("daqp",),
     "docs/gallery/twisted_prism.md": ("daqp",),

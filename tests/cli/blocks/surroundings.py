@@ -78,6 +78,7 @@ SCENES = {
     "docs/embedding.md": ("prism", "prism12", "pinned_prism"),
     "docs/export.md": ("prism", "pinned_prism"),
     "docs/fmu.md": ("prism",),
+    "docs/learning.md": ("pinned_prism",),
     "docs/live.md": ("prism",),
     "docs/machines.md": ("prism",),
     "docs/pictures.md": ("prism",),

@@ -1,0 +1,1 @@
+"""Scenes as environments of gymnasium: many copies side by side, what they see, and what is randomised."""
