@@ -1,7 +1,7 @@
 """The structure of one case: the scene, a plain dictionary that keys read and write, assembled."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -291,6 +291,10 @@ def _equal(first: Any, second: Any) -> bool:
         return np.array_equal(first, second)
     if isinstance(first, Mapping) and isinstance(second, Mapping):
         return first.keys() == second.keys() and all(_equal(first[key], second[key]) for key in first)
+    if isinstance(first, tuple) and isinstance(second, tuple):
+        return len(first) == len(second) and all(map(_equal, first, second))
+    if is_dataclass(first) and type(first) is type(second):
+        return all(_equal(getattr(first, field.name), getattr(second, field.name)) for field in fields(first))
     return bool(first == second)
 
 

@@ -44,3 +44,9 @@ def test_cases_are_those_of_the_scene_with_the_number(key: str, tmp_path: Path) 
 def test_nodes_of_bodies_have_no_numbers_of_their_own(key: str, tmp_path: Path) -> None:
     with pytest.raises(InvalidValueError, match="a node of a body moves with it"):
         sweep(SCENE, over={key: [0.1]}, do="equilibrium", out=tmp_path / "s")
+
+
+def test_too_many_libraries_of_bodies_are_refused_with_what_changes() -> None:
+    values = np.linspace(-0.1, -0.05, 51).tolist()
+    with pytest.raises(InvalidValueError, match="since bodies cannot change at run time"):
+        sweep(SCENE, over={"bodies.disk.points.p1[0]": values}, do="equilibrium")
