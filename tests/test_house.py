@@ -222,7 +222,7 @@ MAX_LINES = {
     "codegen": 11_100,  # bodies beside bars
     "control": 14_200,  # policies
     "export": 3_300,  # bodies
-    "learning": 960,  # environments
+    "learning": 1_020,  # environments
     "live": 1_300,
     "pipeline": 3_750,
     "report": 5_550,  # surfaces of bodies

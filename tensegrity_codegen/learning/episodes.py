@@ -1,7 +1,7 @@
 """Beginnings of episodes: random numbers, numbers of the scene that are drawn anew, states at the start."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.simulate.motion_input import read_starts
 from tensegrity_codegen.scene.schema.schema import Scene
+from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.sweeps.apply.array_keys import ArrayKey
 from tensegrity_codegen.sweeps.apply.assembler import build_assembler, hash_constants, name_changed
@@ -22,11 +23,12 @@ from tensegrity_codegen.sweeps.apply.group_cases import find_groups
 from tensegrity_codegen.sweeps.cases.build_cases import build_cases
 from tensegrity_codegen.sweeps.cases.sampled import Sample
 from tensegrity_codegen.sweeps.gaits.rolls import Facets
-from tensegrity_codegen.system.arrays import FloatArray, IntArray
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 from tensegrity_codegen.system.errors import (
     ConvergenceError,
     FormulationError,
     InvalidValueError,
+    TensegrityError,
     check_choice,
 )
 from tensegrity_codegen.tables.request import ModelRequest
@@ -70,47 +72,66 @@ class Streams:
 TRIED = 32  # draws by which it is found which arguments of a library follow from the keys
 MAX_DRAWS = 100  # until the values of a copy are a scene
 CHANGEABLE = (
-    "stiffnesses, rest lengths, damping, masses and loads of nodes, gravity, numbers of the ground, delays "
-    "and rates of actuators, noise of sensors"
+    "stiffnesses, rest lengths, damping, masses and loads of nodes, masses of rigid bodies, gravity, numbers "
+    "of the ground, delays and rates of actuators, noise of sensors"
 )
 
 
 class DrawnNumbers:
-    """Numbers of a scene that are drawn anew for each episode, by the keys and distributions of sweeps."""
+    """Numbers of a scene that are drawn anew for each episode, by the keys and distributions of sweeps.
+
+    Masses and inertias of rigid bodies that keep their centres and axes are parameters of a library whose
+    corners stay; the scene is assembled for them. What follows from all other keys sweeps find.
+    """
 
     def __init__(self, scene: SceneLike, randomise: Sequence[str], *, moves_start: bool) -> None:
         """moves_start: whether starts are elsewhere than the scene says."""
         self.texts: tuple[str, ...] = ()
+        case = build_assembler(scene, ()).assemble(())
+        self.structure, self.request = case.subject, case.request
         if not randomise:
-            case = build_assembler(scene, ()).assemble(())
-            self.structure, self.request = case.subject, case.request
             return
         cases = build_cases(sample=randomise, n=TRIED, options={"sample": "randomise"})
         assert isinstance(cases.points, Sample)
         self.laws = cases.points.distributions
         self.texts = tuple(f"{key}={law}" for key, law in zip(cases.keys, self.laws, strict=True))
-        assembler = build_assembler(scene, cases.keys)
+        self.assembler = build_assembler(scene, cases.keys)
         middle, upper = ([law.compute_quantile(np.array(p)) for law in self.laws] for p in (0.5, 0.9))
-        base = assembler.assemble(np.array(middle))
-        for k, key in enumerate(assembler.keys):
-            case = assembler.assemble(np.array([*middle[:k], upper[k], *middle[k + 1 :]]))
+        base = self.assembler.assemble(np.array(middle))
+        self.of_bodies, self.bodies = np.zeros(len(cases.keys), dtype=np.bool_), set[int]()
+        for k, key in enumerate(self.assembler.keys):
+            case = self.assembler.assemble(np.array([*middle[:k], upper[k], *middle[k + 1 :]]))
             is_gust = isinstance(key, ArrayKey) and key.array in (GUST, GUST_TIME)
             if hash_constants(case) == hash_constants(base) and not is_gust:
                 continue
             names = name_changed(base, case) or [key.text.split(".")[0]]
-            problem = f"this number cannot change at run time, since {' and '.join(names)} cannot"
-            hint = "the inertia of a rigid body says where its corners are" if "bodies" in names else ""
-            raise InvalidValueError(problem, where="randomise", given=key.text, allowed=CHANGEABLE, hint=hint)
-        self.group = find_groups(assembler, cases)[0]
-        self.structure, self.request = self.group.structure, self.group.request
-        if self.group.mapper.idle_keys:
-            problem, keys = "this number changes no motion", cases.keys[self.group.mapper.idle_keys[0]]
-            raise InvalidValueError(problem, where="randomise", given=keys, allowed=CHANGEABLE)
-        held = {"anchor_position", *(("coordinate", "velocity") if moves_start else ())}
-        if held & {*self.group.arguments(cases.values(0, 1)).arguments}:
-            problem, keys = "episodes start elsewhere", ", ".join(cases.keys)
-            allowed = "keys that leave places and velocities of nodes as they are, or start='scene'"
-            raise InvalidValueError(problem, where="randomise", given=keys, allowed=allowed)
+            inertias = [list_inertias(self.structure, subject) for subject in (case.subject, base.subject)]
+            rows = np.flatnonzero((inertias[0] != inertias[1]).any(axis=1)).tolist()
+            self.of_bodies[k] = {*names} <= {"bodies", "ground"} and rows and np.isfinite(inertias).all()
+            if not self.of_bodies[k]:
+                problem = f"this number cannot change at run time, since {' and '.join(names)} cannot"
+                hint = "of a rigid body that keeps its centre and axes the mass can" * ("bodies" in names)
+                raise InvalidValueError(
+                    problem, where="randomise", given=key.text, allowed=CHANGEABLE, hint=hint
+                )
+            self.bodies |= {*rows}
+        self.group = None
+        texts = [text for text, of_body in zip(self.texts, self.of_bodies, strict=True) if not of_body]
+        if texts:
+            cases = build_cases(sample=texts, n=TRIED)
+            self.group = find_groups(build_assembler(scene, cases.keys), cases)[0]
+            self.structure, self.request = self.group.structure, self.group.request
+            if self.group.mapper.idle_keys:
+                problem, keys = "this number changes no motion", cases.keys[self.group.mapper.idle_keys[0]]
+                raise InvalidValueError(problem, where="randomise", given=keys, allowed=CHANGEABLE)
+            held = {"anchor_position", *(("coordinate", "velocity") if moves_start else ())}
+            if held & {*self.group.arguments(cases.values(0, 1)).arguments}:
+                problem, keys = "episodes start elsewhere", ", ".join(cases.keys)
+                allowed = "keys that leave places and velocities of nodes as they are, or start='scene'"
+                raise InvalidValueError(problem, where="randomise", given=keys, allowed=allowed)
+        if self.bodies:
+            parameters = dict.fromkeys(("body_mass", "body_inertia"), tuple(sorted(self.bodies)))
+            self.request = replace(self.request, parameters={**self.request.parameters, **parameters})
 
     def draw(self, streams: Streams, rows: IntArray) -> dict[str, FloatArray]:
         """Return arguments of some copies, (len(rows), ...) each; raises where no draw is a scene."""
@@ -121,13 +142,49 @@ class DrawnNumbers:
             numbers = streams.draw(len(self.laws), rows[bad]).T
             columns = zip(self.laws, numbers, strict=True)
             values[bad] = np.stack([law.compute_quantile(column) for law, column in columns], axis=1)
-            cases = self.group.arguments(values)
-            bad = ~cases.good
+            arguments, bad, message = self._apply(values)
             if not bad.any():
-                return cases.arguments
+                return arguments
         problem, texts = f"none of {MAX_DRAWS} draws is a scene", ", ".join(self.texts)
-        hint = next(filter(None, cases.messages))
-        raise InvalidValueError(problem, where="randomise", given=texts, allowed=CHANGEABLE, hint=hint)
+        raise InvalidValueError(problem, where="randomise", given=texts, allowed=CHANGEABLE, hint=message)
+
+    def _apply(self, values: FloatArray) -> tuple[dict[str, FloatArray], BoolArray, str]:
+        """Return the arguments of values (n, n_keys), which of them are no scene, and why one is not."""
+        arguments, bad, message = dict[str, FloatArray](), ~self.assembler.in_bounds(values), ""
+        if self.group is not None:
+            cases = self.group.arguments(values[:, ~self.of_bodies])
+            arguments, bad = cases.arguments, bad | ~cases.good
+            message = next(filter(None, cases.messages), "")
+        if self.bodies:
+            inertias = np.full((len(values), len(self.bodies), 4), np.nan)
+            for k in np.flatnonzero(~bad).tolist():
+                try:
+                    subject = self.assembler.assemble(values[k]).subject
+                    inertias[k] = list_inertias(self.structure, subject)[sorted(self.bodies)]
+                except TensegrityError as error:
+                    message = str(error)
+            arguments |= {"body_mass": inertias[:, :, 0], "body_inertia": inertias[:, :, 1:]}
+            bad |= ~np.isfinite(inertias).all(axis=(1, 2))
+        return arguments, bad, message
+
+
+def list_inertias(structure: Subject, other: Subject) -> FloatArray:
+    """Return masses and ascending principal inertias (n_bodies, 4) of the bodies of another structure.
+
+    NaN where the centre of mass, the principal axes or the points are not those of the structure.
+    """
+    if not isinstance(structure, Structure) or not isinstance(other, Structure):
+        return np.full((1, 4), np.nan)
+    rows = np.full((len(structure.bodies), 4), np.nan)
+    for row, body, changed in zip(rows, structure.bodies, other.bodies, strict=True):
+        inertia = body.tetrahedron[0].T @ changed.inertia @ body.tetrahedron[0]  # the largest one first
+        rounding, principal = 1e-9 * np.trace(inertia), np.diag(inertia)[::-1]
+        is_turned = np.abs(inertia - np.diag(np.diag(inertia))).max() > rounding
+        is_moved = np.abs(changed.centre - body.centre).max() > 1e-9 * np.abs(body.corner_local).max()
+        is_moved |= not np.array_equal(changed.point_local, body.point_local)
+        if not (is_turned or is_moved or np.diff(principal).min() < -rounding):
+            row[:] = changed.mass, *np.sort(principal)
+    return rows
 
 
 SCENE, SETTLED, FACET = "scene", "settled", "facet"

@@ -18,7 +18,20 @@ from tensegrity_codegen.system.errors import (
 )
 from tests.learning.scenes import CORD, PRISM
 
-BODY: dict[str, Any] = {"kind": "rigid", "mass": 1.0, "inertia": [1.0, 1.0, 1.0], "position": [0, 0, 1]}
+BLOCK: dict[str, Any] = {
+    "name": "block",
+    "bodies": {
+        "b": {
+            "kind": "rigid",
+            "position": [0, 0, 0],
+            "mass": 1.0,
+            "inertia": [1.0, 1.5, 2.0],
+            "points": {"p": [0.0, 1.0, 0.0]},
+        }
+    },
+    "inputs": [{"kind": "force", "name": "push", "nodes": ["b.p"], "direction": [1, 0, 0]}],
+}
+BALLS = [{"kind": "ball", "radius": 0.1, "position": [x, 0, 0], "mass": 1.0} for x in (-1.0, 1.0)]
 
 
 def test_random_numbers_are_those_of_splitmix64() -> None:
@@ -52,7 +65,7 @@ def test_numbers_are_drawn_for_each_copy_within_their_distributions() -> None:
         "sensors[0].noise=uniform(0,0.1)",
         "node_load.load[0]=uniform(-1,1)",
     ]
-    drawn, streams, rows = DrawnNumbers(CORD, texts, moves_start=True), Streams(400), np.arange(400)
+    drawn, streams, rows = DrawnNumbers(CORD, texts, moves_start=True), Streams(150), np.arange(150)
     streams.seed(1, rows)
     arguments = drawn.draw(streams, rows)
     mass = arguments["node_mass"][:, 0]
@@ -60,9 +73,31 @@ def test_numbers_are_drawn_for_each_copy_within_their_distributions() -> None:
     assert stats.kstest(mass, "norm", (0.5, 0.05)).pvalue > 0.01
     assert stats.kstest(arguments["actuator_delay"][:, 0], "uniform", (0, 0.02)).pvalue > 0.01
     assert stats.kstest(arguments["sensor_noise"][:, 0], "uniform", (0, 0.1)).pvalue > 0.01
-    assert arguments["sensor_noise"][:, 1].tolist() == [0.0] * 400
+    assert arguments["sensor_noise"][:, 1].tolist() == [0.0] * 150
     assert stats.kstest(arguments["node_load"][:, 0, 0], "uniform", (-1, 2)).pvalue > 0.01
     assert {*drawn.request.parameters} == {"spring_constant", "node_mass", "node_load"}
+
+
+def test_masses_and_inertias_of_rigid_bodies_are_drawn() -> None:
+    texts = ["bodies.b.mass=uniform(0.5,2)", "bodies.b.inertia[2]=uniform(1.6,2.4)"]
+    env = environment(
+        BLOCK, 30, act={"push": (-1, 1)}, observe="body_velocity", randomise=texts, start="scene",
+        sample=0.01, stepper={"quantities": "body_angular_velocity"},
+    )  # fmt: skip
+    env.reset(seed=1)
+    observation, *_ = env.step(np.ones((30, 1)))
+    mass, inertia = env.stepper.arguments["body_mass"][:, 0], env.stepper.arguments["body_inertia"][:, 0]
+    assert stats.kstest(mass, "uniform", (0.5, 1.5)).pvalue > 0.01
+    assert stats.kstest(inertia[:, 2], "uniform", (1.6, 0.8)).pvalue > 0.01
+    np.testing.assert_allclose(inertia[:, :2], [[1.0, 1.5]] * 30, rtol=1e-12)
+    np.testing.assert_allclose(observation[:, 0], 0.01 / mass, rtol=1e-4)
+    spin = env.stepper.values["body_angular_velocity"][:, 0, 2]
+    np.testing.assert_allclose(spin, -0.01 / inertia[:, 2], rtol=1e-4)
+    both = environment(
+        BLOCK, 2, act={"push": (-1, 1)}, randomise=[texts[0], "gravity[2]=uniform(-2,-1)"], start="scene"
+    )
+    both.reset(seed=1)
+    assert {"body_mass", "gravity"} <= {*both.stepper.arguments}
 
 
 def test_draws_that_are_no_scene_are_drawn_again() -> None:
@@ -77,7 +112,14 @@ def test_draws_that_are_no_scene_are_drawn_again() -> None:
 @pytest.mark.parametrize(
     ("changes", "text", "words"),
     [
-        ({"bodies": {"block": BODY}}, "bodies.block.mass=uniform(1,2)", ("bodies.block.mass", "bodies")),
+        (
+            {
+                "bodies": {"b": {"kind": "rigid", "position": [0, 0, 1], "parts": BALLS}}
+            },  # whose centre it moves
+            "bodies.b.parts[0].mass=uniform(1,2)",
+            ("bodies.b.parts[0].mass", "bodies cannot", "centre"),
+        ),
+        (BLOCK, "bodies.b.points.p[1]=uniform(0.9,1)", ("bodies.b.points.p[1]", "bodies cannot")),
         ({}, "ground.friction=uniform(0,1)", ("ground",)),
         ({}, "gust.load[0]=uniform(0,1)", ("gust.load[0]", "gust cannot")),
         ({}, "actuators.winch.range[0]=uniform(0.8,0.9)", ("actuators.winch.range[0]", "changes no motion")),
