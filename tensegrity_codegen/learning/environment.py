@@ -1,6 +1,7 @@
 """A scene as an environment of gymnasium."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -106,6 +107,7 @@ def environment(
     An action a asks for the input ``centre + half_range a`` of its actuator, which follows within its rate
     and after its delay. Where delays are drawn, all are rounded to quarters of the sample; else they are
     exact. The equations of motion limit the rate of a motor with a time constant.
+    The library is compiled for this machine, flags ``"native"``: other machines have other last bits.
     A copy whose motion fails is terminated with a reward of 0, its last observation and
     ``info["status"]``; no other copy takes notice.
 
@@ -142,7 +144,7 @@ def environment(
     contacts = CONTACT_QUANTITIES if structure.ground is not None else ()
     needs = Needs((*simulation_quantities(request.formulation), *contacts, *options["quantities"]))
     request = want_analyses(structure, request, ("step",), method=options["method"], besides=needs)
-    model = build_library(structure, request, calls=MANY_CALLS).load()
+    model = build_library(structure, replace(request, flags="native"), calls=MANY_CALLS).load()
     observed = observations.bind(model.manifest, len(acted))
     description = Description(structure.name, float(sample), observed, acted, draws.texts)
     # Inputs before commands arrive.

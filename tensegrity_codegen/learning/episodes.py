@@ -189,6 +189,7 @@ def list_inertias(structure: Subject, other: Subject) -> FloatArray:
 
 SCENE, SETTLED, FACET = "scene", "settled", "facet"
 MAX_REST, REST_TIME, REST_SPEED = 30.0, 0.5, 1e-4  # [s], [s], [m/s]: at rest while all rates are that low
+REST_RTOL = 1e-6  # errors of looser steps are motions
 GAP = 1e-4  # of the size: how far above the ground a structure is that is laid onto a facet
 
 
@@ -255,7 +256,8 @@ def find_starts(
 
 def _come_to_rest(model: CompiledModel, start: FloatArray, inputs: Sequence[float], options: Any) -> Starts:
     """Return the states at which motions from starts (m, n_coordinates) end, without those that do not."""
-    stepper = model.stepper(len(start), sample=REST_TIME / 10, **{**options, "quantities": ()})
+    own = {"quantities": (), "rtol": min(options.get("rtol", REST_RTOL), REST_RTOL)}
+    stepper = model.stepper(len(start), sample=REST_TIME / 10, **{**options, **own})
     stepper.reset(coordinate=start, velocity=np.zeros_like(start))
     calm = np.zeros(len(start))  # samples at rest in a row
     for _ in range(round(10 * MAX_REST / REST_TIME)):
