@@ -183,11 +183,7 @@ def _prune_one(model: SymbolicModel, quantity: Quantity) -> PrunedFunction:
         expression = ca.densify(expression)
     if expression.nnz() == 0:
         raise refuse_empty(model.name, quantity.name)
-    symbols = {
-        name: argument.symbol
-        for name, argument in model.arguments.items()
-        if argument.symbol.numel() and ca.depends_on(expression, argument.symbol)
-    }
+    symbols = model.arguments_of(expression)
     function = ca.Function(
         quantity.name,  # no name of a scene: CasADi allows fewer than C does
         list(symbols.values()),

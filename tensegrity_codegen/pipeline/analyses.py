@@ -34,9 +34,13 @@ from tensegrity_codegen.structure.sliding import require_no_ring_friction
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import check_choice
 from tensegrity_codegen.tables.formulations import find_formulation
+from tensegrity_codegen.tables.quantities import OF_MOTIONS_BOTH_WAYS, SLOPES
 from tensegrity_codegen.tables.request import AUTO_EVENTS, ModelRequest
 
-ANALYSES_WITH_RING_FRICTION = ("simulate", "simulate_batch", "step", "equilibrium", "equilibria", "linearize")
+ANALYSES_WITH_RING_FRICTION = (
+    *("simulate", "simulate_batch", "step", "equilibrium", "equilibria", "linearize"),
+    *("derivatives", "motion_derivatives"),
+)
 BATCH_WIDTH = 8  # motions side by side where the request names no number
 STEP_METHOD = "rk54"  # of copies that are advanced by samples where none is named
 MOST_PAIRS = 500  # of bars whose distances a plan reports without a limit of them
@@ -53,6 +57,7 @@ class Needs:
     solvers: tuple[str, ...] = ()
     events: tuple[str, ...] | None = None  # of integrators, where the request names none
     copies: bool = False
+    directions: tuple[str, ...] = ()  # of derivatives of motions
 
     def alone(self, request: ModelRequest) -> ModelRequest:
         """Return the request for just this: no other quantities, integrators and solvers."""
@@ -73,9 +78,12 @@ class Needs:
     def _complete(self, request: ModelRequest) -> ModelRequest:
         """Return the request with batches and events of the analysis where it states none."""
         events = self.events if request.events is None else request.events
+        request = replace(request, events=events, checks="finite")
+        if self.directions:  # of what motions with derivatives do not have, the scene's is left out
+            request = replace(request, directions=self.directions, columns=(), integrators=self.integrators)
+            return replace(request, batch_width=0, keep=(), interfaces=())
         width = request.batch_width or self.batch_width
-        copies = request.copies or self.copies
-        return replace(request, batch_width=width, events=events, checks="finite", copies=copies)
+        return replace(request, batch_width=width, copies=request.copies or self.copies)
 
 
 def equilibrium_quantities(structure: Subject, request: ModelRequest) -> tuple[str, ...]:
@@ -220,6 +228,19 @@ def _control(structure: Subject, request: ModelRequest, method: str, rtol: float
     return Needs(quantities, (CONTROL_METHOD,), changeable, events=AUTO_EVENTS)
 
 
+def _derivatives(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
+    named = [name for name in request.quantities if name in SLOPES.values()]
+    wanted = tuple(dict.fromkeys((*named, "acceleration", "member_tension", "member_length")))
+    return Needs((*wanted, *(f"{name}_slopes" for name in wanted)), batch_width=BATCH_WIDTH)
+
+
+def _motion_derivatives(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
+    needs = _simulate(structure, request, method or BATCH_METHOD, rtol)
+    # Forces of contacts are not differentiated, and take longer than the motion.
+    kept = [name for name in needs.quantities if name not in CONTACT_QUANTITIES]
+    return replace(needs, quantities=(*kept, *OF_MOTIONS_BOTH_WAYS), directions=("tangent",))
+
+
 # The analyses by the names of their functions.
 ANALYSES: Mapping[str, Callable[[Subject, ModelRequest, str, float], Needs]] = {
     "simulate": _simulate,
@@ -234,6 +255,8 @@ ANALYSES: Mapping[str, Callable[[Subject, ModelRequest, str, float], Needs]] = {
     "plan": _plan,
     "time_motion": _time_motion,
     "control": _control,
+    "derivatives": _derivatives,
+    "motion_derivatives": _motion_derivatives,
 }
 
 

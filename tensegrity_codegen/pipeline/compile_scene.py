@@ -83,9 +83,10 @@ def compile_scene(
     for_ : str or tuple of str
         Analyses for which the model is used: ``"simulate"``, ``"simulate_batch"``, ``"step"`` (of a
         `Stepper`), ``"equilibrium"``, ``"equilibria"``, ``"sensitivity"``, ``"linearize"``, ``"load_path"``,
-        ``"analyse"``, ``"plan"``, ``"time_motion"``, ``"control"``. Their quantities, integrators with events
-        and (for ``"control"``) run-time parameters are added. Where they are none of motions and the scene's
-        formulation does not serve them, the library is in node positions, or has rigid bars.
+        ``"analyse"``, ``"plan"``, ``"time_motion"``, ``"control"``, ``"derivatives"`` of quantities,
+        ``"motion_derivatives"``. Their quantities, integrators with events and (for ``"control"``) run-time
+        parameters are added. Where they are none of motions and the scene's formulation does not serve them,
+        the library is in node positions, or has rigid bars.
     method : str
         Method of the simulations, as for `simulate`; it decides which integrators the library has.
     rtol : float

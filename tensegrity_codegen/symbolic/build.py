@@ -10,6 +10,7 @@ from tensegrity_codegen.structure.memory_support import check_memory
 from tensegrity_codegen.structure.sliding import check_ring_friction, check_rings
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.columns import add_derivatives
+from tensegrity_codegen.symbolic.jacobians import add_slopes
 from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.request import ModelRequest
@@ -30,6 +31,7 @@ def build_model(structure: Structure | BodySystem, request: ModelRequest) -> Sym
     module = import_module(f"tensegrity_codegen.symbolic.formulations.{name}")
     build = getattr(module, f"build_{name}")
     model: SymbolicModel = build(structure, request)
+    add_slopes(model, request.quantities)
     if request.differentiates_motions:
         add_derivatives(model, request, build)
     return model

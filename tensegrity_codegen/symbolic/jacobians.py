@@ -1,11 +1,15 @@
-"""Jacobians of the state derivative x' = (q', q'') whose upper half is zero."""
+"""Jacobians of the state derivative x' = (q', q'') whose upper half is zero, and of quantities."""
 
+from collections.abc import Iterable
+from functools import partial
 from typing import Any
 
 import casadi as ca
 
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
+from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.quantities import SLOPES
 
 Matrix = Any
 
@@ -31,6 +35,17 @@ def by_parameters(slopes: Matrix, arguments: SymbolicArguments) -> Matrix:
         )
     upper = ca.SX(slopes.numel() - _count_internal(arguments), stacked.numel())
     return ca.vertcat(upper, ca.jacobian(slopes, stacked))
+
+
+def add_slopes(model: SymbolicModel, wanted: Iterable[str]) -> None:
+    """Offer wanted derivatives of quantities to all their arguments, in the order of their C functions."""
+
+    def differentiate(quantity: str) -> ca.SX:
+        value = ca.densify(ca.cse(model.expression(quantity)))
+        return ca.jacobian(ca.vec(value), model.stack(model.arguments_of(value)))
+
+    names = [name for name in wanted if SLOPES.get(name) in model.quantities]
+    model.offer({name: partial(differentiate, SLOPES[name]) for name in names})
 
 
 def _count_internal(arguments: SymbolicArguments) -> int:

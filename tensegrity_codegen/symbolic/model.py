@@ -133,6 +133,14 @@ class SymbolicModel:
         chosen = [ca.vec(self.arguments[name].symbol) for name in names if name in self.arguments]
         return ca.vertcat(ca.SX(0, 1), *chosen)
 
+    def arguments_of(self, expression: ca.SX) -> dict[str, ca.SX]:
+        """Return the symbols of the arguments that an expression depends on, by their names."""
+        return {
+            name: argument.symbol
+            for name, argument in self.arguments.items()
+            if argument.symbol.numel() and ca.depends_on(expression, argument.symbol)
+        }
+
     def offer(self, builders: Mapping[str, Callable[[], Any]]) -> None:
         """Add quantities to those that the formulation offers."""
         self._builders = {**self._builders, **builders}

@@ -36,6 +36,7 @@ from tensegrity_codegen.system.errors import CompileError, LibraryError, OutputE
 from tensegrity_codegen.system.output_folder import LIST_FILE
 from tests.cases import thorough
 from tests.codegen.compilers import POSIX, chosen_compiler, require_compiler, write_script
+from tests.models import EXAMPLES
 from tests.reference import ReferenceModel
 
 # Build, load and simulate; say what was imported. Waits for a line on standard input first.
@@ -469,3 +470,16 @@ def test_corrected_rigid_bars_are_simulated_and_settle_in_node_positions() -> No
     at_rest = compile_scene(scene, for_=("equilibrium", "linearize"))
     assert at_rest.manifest.formulation == "node_position"
     assert find_equilibrium(at_rest).member_length[1] == pytest.approx(1.0 + 10.0 / 2e5, rel=1e-5)
+
+
+def test_derivatives_are_needs_of_a_library() -> None:
+    structure, request = load_scene(EXAMPLES / "prism.toml")
+    quantities = want_analyses(structure, request, ("derivatives",))
+    assert {f"{name}_slopes" for name in ("acceleration", "member_tension", "total_energy")} <= {
+        *quantities.quantities
+    }
+    assert quantities.batch_width == 8
+    motions = want_analyses(structure, request, ("motion_derivatives",), method="tsit5")
+    assert {"adjoint_rate", "adjoint_tension", "tension_column"} <= {*motions.quantities}
+    # The scene asks for rk4, whose motions have no derivatives.
+    assert (motions.integrators, motions.directions, motions.batch_width) == (("tsit5",), ("tangent",), 0)

@@ -22,10 +22,10 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_callback, check_instance
 from tensegrity_codegen.system.errors import ConvergenceError, InvalidValueError, NonFiniteError
 
-# What a loss may depend on: quantities of a motion at its samples.
+# What a loss may depend on: the state and quantities of a motion at its samples.
 OBSERVED = ("node_position", "node_velocity", "member_length", "member_tension")
 Loss = Callable[[Trajectory], tuple[float, Mapping[str, FloatArray]]]
-START = ("coordinate", "velocity", "internal")
+START = ("coordinate", "velocity", "internal")  # the state, at samples too
 # Differences that a gradient is compared with: their steps as a part of each number, of which the second is
 # for motions that bend within the first, with the error from which on it is tried; how much tighter the steps
 # of their motions are, and the least tolerance of these; the size of inputs that are all zero.
@@ -89,8 +89,8 @@ def motion_gradient(
         A library with the quantities ``"adjoint_rate"`` and, for losses of tensions, ``"adjoint_tension"``.
     loss : callable
         Trajectory -> value, and its derivatives to quantities at the samples: a mapping from
-        ``"node_position"`` (n_t, n_nodes, 3), ``"node_velocity"``, ``"member_length"`` (n_t, n_members) or
-        ``"member_tension"`` to arrays of their shape.
+        ``"node_position"`` (n_t, n_nodes, 3), ``"node_velocity"``, ``"member_length"`` (n_t, n_members),
+        ``"member_tension"``, ``"coordinate"``, ``"velocity"`` or ``"internal"`` to arrays of their shape.
     t_end, samples, method, rtol, coordinate, velocity, arguments, schedule
         As of `simulate`; method: ``"rk54"``, ``"tsit5"`` or ``"rk853"``.
     memory : int
@@ -150,7 +150,10 @@ def motion_gradient(
     # Backwards over the steps, from weights of the states at the samples.
     weights = _Weights(model, trajectory, motion.arguments, motion.schedule)
     for name, derivative in derivatives.items():
-        getattr(weights, f"add_{name}")(derivative)
+        if name in START:
+            weights.add_state(name, derivative)
+        else:
+            getattr(weights, f"add_{name}")(derivative)
     back = run.go_back(weights.state)
     by = {name: array + weights.number.get(name, 0.0) for name, array in back.number.items()}
     n = len(model.manifest.coordinate_name)
@@ -272,9 +275,10 @@ def read_loss(loss: Loss, motion: Trajectory) -> tuple[float, dict[str, FloatArr
         )
     value, derivatives = float(answer[0]), {}
     for name, derivative in answer[1].items():
-        if name not in OBSERVED:
+        if name not in (*OBSERVED, *START):
+            allowed = ", ".join((*OBSERVED, *START))
             raise InvalidValueError(
-                "a loss has no derivative to this", where="loss", given=name, allowed=", ".join(OBSERVED)
+                "a loss has no derivative to this", where="loss", given=name, allowed=allowed
             )
         shape = find_observed(motion, name).shape
         derivatives[name] = np.asarray(derivative, dtype=np.float64)
@@ -312,6 +316,11 @@ class _Weights:
         self.number: dict[str, FloatArray] = {}
         self.node, self.axis = np.array(self.manifest.coordinate_node_axis, dtype=np.int64).reshape(-1, 2).T
         self.followed: list[tuple[float, dict[str, FloatArray]]] = []  # times, weights of numbers there
+
+    def add_state(self, name: str, weight: FloatArray) -> None:
+        """Add weights of coordinates, velocities or internal states (n_t, n)."""
+        first = START.index(name) * self.n
+        self.state[:, first : first + weight.shape[1]] += weight
 
     def add_node_position(self, weight: FloatArray) -> None:
         """Add weights of positions (n_t, n_nodes, 3), of anchored nodes too."""

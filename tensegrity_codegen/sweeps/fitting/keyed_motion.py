@@ -337,6 +337,8 @@ class MotionSlopes:
             arguments["column"] = self.columns[k]
             if isinstance(self.direction, Profile):
                 arguments["direction"] = self.direction(float(motion.time[k]))["direction"]
+            if motion.internal is not None:
+                arguments["internal"] = motion.internal[k]
             if motion.input is not None:
                 arguments["input"] = motion.input[k]
             tensions[k] = self.model.compute(

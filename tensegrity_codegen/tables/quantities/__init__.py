@@ -8,7 +8,8 @@ run-time parameters, stacked in argument order), `n_varied` = n_states + n_param
 `n_bar_points` = 2 n_bar_pairs, `n_law_values` = 3 + n_axes, `n_tension_only` (members that pull only),
 `n_switches` (members whose law switches its slope), `n_contacts` (nodes that can touch the ground),
 `n_yields` (two for each plastic member), `n_motors` (with a time constant), `n_rings` (with friction),
-`n_ring_sides` = 2 n_rings, `n_bodies` (free rigid bodies), `n_rotation` = 9; `k` is the number of nodes or
+`n_ring_sides` = 2 n_rings, `n_bodies` (free rigid bodies), `n_rotation` = 9, `n_values` (all numbers of a
+quantity), `n_arguments` (all numbers of its arguments); `k` is the number of nodes or
 members that the scene keeps changeable.
 """
 
@@ -43,8 +44,20 @@ ADJOINTS = MappingProxyType(
         "adjoint_margin": ("margin_weight", "cable_margin"),
     }
 )
+# Derivatives to all arguments, and the quantity that each is of.
+SLOPES = MappingProxyType(
+    {
+        f"{name}_slopes": name
+        for name in (
+            *("acceleration", "member_tension", "member_length", "node_position", "node_velocity"),
+            *("body_position", "body_axes", "contact_force"),
+            *("kinetic_energy", "potential_energy", "total_energy"),
+        )
+    }
+)
 # Parts of derivatives of motions, which nobody asks for by name.
 OF_MOTIONS = ("column_rate", "tension_column", "margin_column", "margin_jump", *ADJOINTS)
+OF_MOTIONS_BOTH_WAYS = ("adjoint_rate", "adjoint_tension", "tension_column")  # what a library is asked for
 WEIGHT_OF = MappingProxyType(
     {name: weight for name, (weight, _) in ADJOINTS.items()} | {"margin_jump": "margin_weight"}
 )
@@ -52,7 +65,17 @@ WEIGHTS = tuple(dict.fromkeys(WEIGHT_OF.values()))
 PARAMETERS = tuple(name for name in ARGUMENTS if name not in (*STATE, "input", *OF_COLUMNS, *WEIGHTS))
 DIRECTED = (*PARAMETERS, "input")  # the rows of a direction
 
-QUANTITIES = _table(*MEMBERS, *NODES, *STRUCTURES, *BODIES, *INTERFERENCE, *DISTANCES, *GROUND, *MEMORY)
+QUANTITIES = _table(
+    *(*MEMBERS, *NODES, *STRUCTURES, *BODIES, *INTERFERENCE, *DISTANCES, *GROUND, *MEMORY),
+    *[
+        Quantity(
+            *(name, f"d({quantity})/d(...)", "mixed", ("n_values", "n_arguments")),
+            f"Derivatives of `{quantity}`, entry by entry, to all numbers of its arguments.",
+            sparse=True,
+        )
+        for name, quantity in SLOPES.items()
+    ],
+)
 
 
 def find_quantity(name: str) -> Quantity:
