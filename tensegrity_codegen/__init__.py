@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from tensegrity_codegen.control.planning.plan import plan
     from tensegrity_codegen.export.export_acados import export_acados
     from tensegrity_codegen.export.export_fmu import export_fmu
+    from tensegrity_codegen.learning.derivatives.to_jax import to_jax, to_jax_motion
+    from tensegrity_codegen.learning.derivatives.to_torch import to_torch, to_torch_motion
     from tensegrity_codegen.learning.environment import environment
     from tensegrity_codegen.learning.step import EnvironmentStep
     from tensegrity_codegen.live.draw import draw
@@ -183,6 +185,10 @@ __all__ = [
     "sweep",
     "symbolic_functions",
     "time_motion",
+    "to_jax",
+    "to_jax_motion",
+    "to_torch",
+    "to_torch_motion",
     "view",
 ]
 
@@ -210,6 +216,8 @@ _NAMES = {
     "control.planning.plan": ("plan",),
     "export.export_acados": ("export_acados",),
     "export.export_fmu": ("export_fmu",),
+    "learning.derivatives.to_jax": ("to_jax", "to_jax_motion"),
+    "learning.derivatives.to_torch": ("to_torch", "to_torch_motion"),
     "learning.environment": ("environment",),
     "learning.step": ("EnvironmentStep",),
     "live.draw": ("draw",),

@@ -221,4 +221,11 @@ def deliver(folder: Path, results: dict[str, object]) -> dict[str, object]:
     taped = tc.build_library(structure, backwards).load()
     slopes: tc.MotionGradient = tc.motion_gradient(taped, loss, 0.1, samples=3)
     assert slopes.by["velocity"].size == tc.motion_function(taped, 0.1, ["velocity"]).size1_in(0)
+    try:  # JAX and PyTorch are not there everywhere
+        for build in (tc.to_jax, tc.to_torch):
+            build(tc.compile_scene(SCENE, for_="derivatives"), "acceleration")
+        for build_motion in (tc.to_jax_motion, tc.to_torch_motion):
+            build_motion(tc.compile_scene(SCENE, for_="motion_derivatives"), 0.1)
+    except tc.TensegrityError as error:
+        print(error)
     return {"tuning": tuning, "study": study, "runs": runs, "loaded": loaded, "graphs": graphs, "fmu": fmu}

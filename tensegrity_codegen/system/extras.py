@@ -7,6 +7,7 @@ from tensegrity_codegen.system.errors import MissingExtraError
 
 PLOT, CONTROL, TABLES, SWEEP, CLUSTER, CAD = "plot", "control", "tables", "sweep", "cluster", "cad"
 LEARN = "learn"
+JAX, TORCH = "jax", "torch"  # which no extra of this package installs
 PACKAGES = {  # the packages of each extra, as in pyproject.toml
     PLOT: ("matplotlib", "pillow"),
     "cc": ("ziglang",),
@@ -25,6 +26,8 @@ WORK = {
     CLUSTER: "sweeps on a cluster need",
     CAD: "DXF files need",
     LEARN: "environments need",
+    JAX: "functions of JAX need",
+    TORCH: "functions of PyTorch need",
 }
 
 
@@ -33,6 +36,8 @@ def name_install(extra: str) -> str:
 
     Elsewhere than in a checkout, where a wheel was installed: the packages of the extra by their names.
     """
+    if extra not in PACKAGES:
+        return f"pip install {extra}"
     command = f"pip install '.[{extra}]' in a checkout of tensegrity_codegen"
     return f"{command}; elsewhere: pip install {' '.join(PACKAGES[extra])}"
 

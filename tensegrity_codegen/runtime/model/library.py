@@ -225,6 +225,7 @@ class BatchFunction:
         self._shapes = tuple(sizes[name].shape for name in spec.arguments)
         self._shape = (len(spec.pattern.row),) if spec.pattern else spec.shape
         self._call = library.symbol(f"{spec.symbol}_batch")
+        self.address = int(library.ffi.cast("intptr_t", self._call))
         self._pointer = partial(library.ffi.from_buffer, library.ffi.typeof(f"{self.precision.c_type}[]"))
         self._status_pointer = partial(library.ffi.from_buffer, library.ffi.typeof("int[]"))
 

@@ -50,6 +50,8 @@ EXCLUDED = (
     ("docs/embedding.md", "events = ", "one line; tests/codegen/integrators/test_events.py has it"),
     ("docs/embedding.md", STEPPING, "tests/codegen/test_profiles_in_c.py runs the program"),
     ("docs/embedding.md", "cc -std=c99 -O2 -o stepping", "tests/codegen/test_profiles_in_c.py runs it"),
+    ("docs/learning.md", "import jax", "needs JAX; tests/learning/derivatives/test_page.py runs it"),
+    ("docs/learning.md", "import torch", "needs PyTorch; tests/learning/derivatives/test_page.py runs it"),
     ("docs/machines.md", "arm-none-eabi-gcc", "needs that compiler; tests/codegen compile for it by zig"),
     ("docs/machines.md", "import { readFileSync }", "tests/codegen/test_other_machines.py runs it in node"),
     ("docs/fmu.md", "cc -std=c99", "in the sources of an FMU; tests/export compile them"),

@@ -1,0 +1,1 @@
+"""Quantities and motions as functions with derivatives forward and backward, for JAX and PyTorch."""

@@ -1,0 +1,130 @@
+"""Functions of named arrays with derivatives forward and backward, over any leading axes of the arrays."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from tensegrity_codegen.runtime.model.interface import require_double, require_model
+from tensegrity_codegen.runtime.model.library import check_threads
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
+
+Arrays = Mapping[str, FloatArray]
+Rows = Mapping[str, FloatArray]  # by name: (n, *shape), or a single row (1, *shape) for all
+Shape = tuple[int, ...]
+ON_ERROR = ("raise", "nan")
+DTYPES = ("float64", "float32")  # of JAX and PyTorch
+
+
+class Differentiable(ABC):
+    """A function of named arrays, whose omitted arguments are at the scene's values.
+
+    inputs, outputs: shapes by name, of one evaluation; ignored: arguments of the model that nothing depends
+    on. Arrays may have leading axes, which are broadcast; every method does all evaluations in one call, and
+    results have these axes. on_error: "raise", or "nan" for results that are not a number where an evaluation
+    fails. threads: of all evaluations.
+    """
+
+    def __init__(self, model: CompiledModel, threads: int, on_error: str) -> None:
+        require_model(model)
+        require_double(model.manifest, "a function with derivatives")
+        check_threads(threads)
+        check_choice(on_error, ON_ERROR, "word", "on_error")
+        self.model, self.threads, self.on_error = model, threads, on_error
+        self.where: str = model.manifest.name
+        self.inputs: dict[str, Shape] = {}
+        self.outputs: dict[str, Shape] = {}
+        self.ignored: tuple[str, ...] = ()
+
+    @abstractmethod
+    def _evaluate(self, values: Rows, count: int) -> Rows: ...
+
+    @abstractmethod
+    def _push(self, values: Rows, tangents: Rows, count: int) -> Rows: ...
+
+    @abstractmethod
+    def _pull(self, values: Rows, weights: Rows, count: int) -> Rows: ...
+
+    def evaluate(self, values: Arrays) -> dict[str, FloatArray]:
+        """Return the outputs by name, (*leading, *shape)."""
+        return self._in_rows(self._evaluate, [(values, self.inputs)], self.outputs)
+
+    def push(self, values: Arrays, tangents: Arrays) -> dict[str, FloatArray]:
+        """Return the derivatives of the outputs along tangents of the values (forward)."""
+        return self._in_rows(self._push, [(values, self.inputs), (tangents, self.inputs)], self.outputs)
+
+    def pull(self, values: Arrays, weights: Arrays) -> dict[str, FloatArray]:
+        """Return the derivatives of sum(weight * output) to the values (backward)."""
+        shapes = {name: self.inputs[name] for name in values}
+        return self._in_rows(self._pull, [(values, self.inputs), (weights, self.outputs)], shapes)
+
+    def call(self, way: str, names: Sequence[str], arrays: Sequence[FloatArray]) -> list[FloatArray]:
+        """Return the results of "evaluate", "push" or "pull" of arrays of values, then of others."""
+        values = dict(zip(names, arrays, strict=False))
+        second = {"evaluate": [], "push": names, "pull": [*self.outputs]}[way]
+        second_group = [dict(zip(second, arrays[len(names) :], strict=True))] if second else []
+        return list(getattr(self, way)(values, *second_group).values())
+
+    def align(self, arrays: Mapping[str, Any]) -> dict[str, Any]:
+        """Return arrays of a framework with as many leading axes each, without those that nothing depends on.
+
+        Raises UnknownNameError for another argument, InvalidValueError for another shape.
+        """
+        states = dict.fromkeys((*self.inputs, *self.ignored))
+        for name, array in arrays.items():
+            check_choice(name, states, "argument", self.where)
+            shape, expected = tuple(array.shape), self.inputs.get(name, ())
+            if shape[len(shape) - len(expected) :] != expected or len(shape) < len(expected):
+                allowed = f"{expected}, with any leading axes"
+                raise InvalidValueError(
+                    "wrong shape", where=f"{self.where}: {name}", given=shape, allowed=allowed
+                )
+        aligned = {name: array for name, array in arrays.items() if name in self.inputs}
+        lead = {name: len(array.shape) - len(self.inputs[name]) for name, array in aligned.items()}
+        rank = max(lead.values(), default=0)
+        return {
+            name: array.reshape((1,) * (rank - lead[name]) + tuple(array.shape))
+            for name, array in aligned.items()
+        }
+
+    def refuse_second(self) -> FormulationError:
+        """Return the error of a second derivative."""
+        problem = "quantities and motions have no second derivatives here"
+        return FormulationError(problem, where=self.where, hint="take differences of gradients")
+
+    def _in_rows(
+        self,
+        compute: Callable[..., Rows],
+        groups: list[tuple[Arrays, Mapping[str, Shape]]],
+        shapes: Mapping[str, Shape],
+    ) -> dict[str, FloatArray]:
+        """Return what `compute` makes of groups of arrays, as rows with their leading axes as one."""
+        arrays = [
+            {name: np.asarray(value, dtype=np.float64) for name, value in group.items()}
+            for group, _ in groups
+        ]
+        leads = [
+            value.shape[: value.ndim - len(shape_of[name])]
+            for group, (_, shape_of) in zip(arrays, groups, strict=True)
+            for name, value in group.items()
+        ]
+        lead = np.broadcast_shapes(*leads)
+        count = int(np.prod(lead))
+        if not count:
+            return {name: np.zeros((*lead, *shape)) for name, shape in shapes.items()}
+        rows: list[dict[str, FloatArray]] = []
+        for group, (_, shape_of) in zip(arrays, groups, strict=True):
+            rows.append({})
+            for name, value in group.items():
+                shape = shape_of[name]
+                if value.size != np.prod(shape):  # otherwise one row for all
+                    value = np.broadcast_to(value, (*lead, *shape))
+                rows[-1][name] = value.reshape((-1, *shape))
+        results = compute(*rows, count)
+        return {
+            name: np.array(np.broadcast_to(results[name], (count, *shape))).reshape((*lead, *shape))
+            for name, shape in shapes.items()
+        }
