@@ -19,7 +19,7 @@ def test_the_policy_of_the_page_rolls_and_walks_in_c(tmp_path: Path, monkeypatch
     section = text.partition("## 7. ")[2].partition("## 9. ")[0]
     names: dict[str, Any] = {"np": np, "environment": environment}
     for block in re.findall(r"```python\n(.*?)```", section, re.DOTALL):
-        exec(compile(block, "docs/learning.md", "exec"), names)  # noqa: S102 - the page's own programs
+        exec(compile(block, "docs/learning.md", "exec"), names)
     assert names["way"].shape == (20,)
     assert names["way"].min() >= 1.0
     assert np.array_equal(names["first"], names["second"])
