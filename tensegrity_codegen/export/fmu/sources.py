@@ -60,14 +60,16 @@ def write_unit_sources(
     name, version = layout.manifest.name, experiment.fmi[0]
     templates = {
         file: (template_folder() / "fmu" / file).read_text(encoding="utf-8")
-        for file in ("fmu.h", "fmu_core.h", f"fmi{version}.h", f"fmi{version}_functions.h")
+        for file in ("fmu.h", "fmu_core.h", f"fmi{version}.h")
     }
+    functions = f"fmi{version}_functions.h"
+    templates[functions] = render(f"fmu/{functions}", {})
     files = {f"{name}.h": library[f"{name}.h"], f"{name}_code.h": library[f"{name}.c"], **templates}
     tables = f"{name}_tables.c"
     if tables in library:
         files[tables] = library[tables]
     unit = f"{name}_fmu.c"
-    included = ("fmu_config.h", f"{name}_code.h", "fmu_core.h", f"fmi{version}_functions.h")
+    included = ("fmu_config.h", f"{name}_code.h", "fmu_core.h", functions)
     files[unit] = f"/* {BANNER} */\n" + "".join(f'#include "{file}"\n' for file in included)
     context = _context(layout, tangent, experiment)
     token = _identify(files, render("fmu_config.h", {**context, "token": ""}), experiment)
