@@ -13,7 +13,6 @@ from tensegrity_codegen.codegen.integrators.integrators import integrator_spec
 from tensegrity_codegen.codegen.integrators.profiles import find_driven
 from tensegrity_codegen.codegen.integrators.solvers import solver_spec
 from tensegrity_codegen.codegen.integrators.work_memory import with_batch
-from tensegrity_codegen.symbolic.model import ModelArgument
 from tensegrity_codegen.system.version import VERSION
 from tensegrity_codegen.tables.manifest import (
     ABI_VERSION,
@@ -75,7 +74,16 @@ def build_manifest(
         node_velocity=_rows(frame.node_velocity),
         input_name=frame.input_name,
         arguments=tuple(
-            _argument_spec(name, argument) for name, argument in model.arguments.items() if name in used
+            ArgumentSpec(
+                name=name,
+                shape=argument.nominal.shape,
+                unit=argument.unit or ARGUMENTS[name].unit,
+                sentence=argument.sentence or ARGUMENTS[name].sentence,
+                nominal=tuple(float(value) for value in argument.nominal.ravel()),
+                over=argument.over,
+            )
+            for name, argument in model.arguments.items()
+            if name in used
         ),
         functions=specs,
         integrators=integrators,
@@ -130,17 +138,6 @@ def _function_spec(model: EmittedModel, function: WantedFunction, features: Sequ
         sentence=fit_sentence(sentence, features),
         operations=function.operations,
         pattern=function.pattern,
-    )
-
-
-def _argument_spec(name: str, argument: ModelArgument) -> ArgumentSpec:
-    return ArgumentSpec(
-        name=name,
-        shape=argument.nominal.shape,
-        unit=argument.unit or ARGUMENTS[name].unit,
-        sentence=argument.sentence or ARGUMENTS[name].sentence,
-        nominal=tuple(float(value) for value in argument.nominal.ravel()),
-        over=argument.over,
     )
 
 

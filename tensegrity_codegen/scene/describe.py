@@ -302,7 +302,7 @@ def describe_values(subject: Structure | BodySystem, e: int, *, two_sided: bool)
         column = getattr(subject, name, None)
         if column is not None and column[e]:
             values[name.removeprefix("member_")] = float(column[e])
-    values |= subject.describe_law(e)
+    values |= {p.name: float(subject.member_value(p.name)[e]) for p in subject.law_of(e).parameters}
     return values | ({"tension_only": False} if two_sided and not subject.tension_only[e] else {})
 
 

@@ -48,16 +48,11 @@ class MemberClass:
         return self.spring_constant != ABSENT or self.axial_stiffness != ABSENT
 
     @property
-    def is_rest_length_constant(self) -> bool:
-        """Whether rest lengths are baked in and no input changes them."""
-        return self.rest_length == CONSTANT and self.n_inputs == 0
-
-    @property
     def is_stiffness_constant(self) -> bool:
         """Whether mu = k + EA / rho is known when the code is made."""
         if ARGUMENT in (self.spring_constant, self.axial_stiffness):
             return False
-        return self.axial_stiffness == ABSENT or self.is_rest_length_constant
+        return self.axial_stiffness == ABSENT or (self.rest_length == CONSTANT and self.n_inputs == 0)
 
 
 @dataclass(frozen=True)

@@ -95,11 +95,6 @@ class FreeBody:
         return np.asarray(np.where(np.abs(found) < noise, 0.0, found))
 
     @property
-    def centre_weights(self) -> FloatArray:
-        """(4,): weights of the corners at the centre of mass."""
-        return self.weights(self.centre)
-
-    @property
     def axis_weights(self) -> FloatArray:
         """(3, 4): axis i of the frame is the combination of corners with the weights of row i [1/m]."""
         return np.array(self._affine[:, :3].T)
@@ -112,7 +107,7 @@ class FreeBody:
         return BodyPlace(
             self.name,
             tuple(self.corner),
-            tuple(self.centre_weights.tolist()),
+            tuple(self.weights(self.centre).tolist()),
             rows[0],
             tuple(self.point),
             rows[1],

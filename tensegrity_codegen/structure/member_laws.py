@@ -79,10 +79,6 @@ class WithMemberLaws:
             is_linear &= ~mask
         return ((LINEAR, is_linear), *((law, mask) for law, mask in masks if mask.any()))
 
-    def describe_law(self, e: int) -> dict[str, float]:
-        """Return the parameters of member e's law by name, none of a linear spring."""
-        return {p.name: float(self.member_value(p.name)[e]) for p in self.law_of(e).parameters}
-
     def law_of(self, e: int) -> Law:
         """Return the law of member e."""
         return find_law(lambda name: self.member_value(name)[e])

@@ -45,8 +45,3 @@ def combine(parts: Iterable[tuple[int, float]], vectors: list[Vector]) -> Vector
 def member_length(vector: Vector) -> Scalar:
     """Return l = |d| [m]."""
     return ca.sqrt(dot(vector, vector))
-
-
-def member_rate(vector: Vector, vector_rate: Vector, length: Scalar) -> Scalar:
-    """Return l' = d . d' / l [m/s]."""
-    return dot(vector, vector_rate) / length

@@ -169,11 +169,6 @@ def contact_forces(model: TableModel, target: str, index: IntArray) -> list[Cont
     return [ContactLoop(model, "contact_force", target, index)]
 
 
-def contact_energies(model: TableModel, target: str) -> list[ContactLoop]:
-    """Return the stage that adds the energy of ground and bristles, none without a ground."""
-    return [] if model.structure.ground is None else [ContactLoop(model, "contact_energy", target)]
-
-
 def contact_builders() -> dict[str, Callable[[TableModel], Recipe]]:
     """Return the builders of the quantities of contacts."""
     return {name: _store(name) for name in STORED}

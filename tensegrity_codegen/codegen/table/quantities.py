@@ -37,7 +37,6 @@ from tensegrity_codegen.codegen.table.members.writer import (
 from tensegrity_codegen.codegen.table.node_quantities import (
     ContactLoop,
     contact_builders,
-    contact_energies,
     contact_forces,
     node_builders,
 )
@@ -391,7 +390,9 @@ def _energy_builder(name: str) -> Callable[[TableModel], Recipe]:
 
 ENERGY_STAGES: Mapping[str, Callable[[TableModel], list[Stage]]] = {
     "elastic": lambda model: list(member_loops(model, "energy", AddUp("elastic"))),
-    "contact": lambda model: list(contact_energies(model, "elastic")),
+    "contact": lambda model: list(
+        [] if model.structure.ground is None else [ContactLoop(model, "contact_energy", "elastic")]
+    ),
     "kinetic": lambda model: [KineticEnergy(model, "kinetic")],
     "work": lambda model: [ExternalWork(model, "work")],
 }

@@ -303,17 +303,13 @@ def build_condition(
         state |= schedule(time) if schedule else {}
         value = expression.evaluate(state, time)
         if not np.isfinite(value) and np.isfinite(coordinate).all() and np.isfinite(velocity).all():
-            raise _not_finite(text, expression.find_not_finite(state, time), time)
+            raise NonFiniteError(
+                f"the condition is not a finite number at t = {time:.6g} s",
+                where=WHERE,
+                given=name_part(expression.find_not_finite(state, time), text),
+                allowed="a condition that is a finite number along the whole motion",
+                hint="avoid division by zero and roots of negative numbers",
+            )
         return value
 
     return condition
-
-
-def _not_finite(text: str, part: str, time: float) -> NonFiniteError:
-    return NonFiniteError(
-        f"the condition is not a finite number at t = {time:.6g} s",
-        where=WHERE,
-        given=name_part(part, text),
-        allowed="a condition that is a finite number along the whole motion",
-        hint="avoid division by zero and roots of negative numbers",
-    )

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.schema.schema import Scene
-from tensegrity_codegen.system.errors import InvalidValueError, SceneError, SceneSyntaxError, TensegrityError
+from tensegrity_codegen.system.errors import InvalidValueError, SceneError, SceneSyntaxError
 from tensegrity_codegen.system.files import find_kind
 
 MAX_ENTRIES = 200_000  # entries of one section: nodes, members, loads
@@ -54,7 +54,12 @@ def check_document(document: Mapping[str, Any], where: str) -> None:
     """Raise InvalidValueError for a section with too many entries, or an entry with too many keys."""
     for section, content in document.items():
         if isinstance(content, dict | list | tuple) and len(content) > MAX_ENTRIES:
-            raise too_large(section, len(content), where)
+            raise InvalidValueError(
+                "too many entries",
+                where=key_path(where, str(section)),
+                given=f"{len(content)} entries",
+                allowed=f"up to {MAX_ENTRIES}",
+            )
         entries = content.items() if isinstance(content, dict) else ()
         for name, entry in entries:
             limit = MAX_ENTRIES if section == "limits" else MAX_KEYS
@@ -65,16 +70,6 @@ def check_document(document: Mapping[str, Any], where: str) -> None:
     if len(document) > MAX_KEYS:
         problem = "too many sections"
         raise InvalidValueError(problem, where=where, given=len(document), allowed=f"up to {MAX_KEYS}")
-
-
-def too_large(section: object, count: int, where: str) -> TensegrityError:
-    """Return the error for a section with too many entries."""
-    return InvalidValueError(
-        "too many entries",
-        where=key_path(where, str(section)),
-        given=f"{count} entries",
-        allowed=f"up to {MAX_ENTRIES}",
-    )
 
 
 PART = 500  # entries of a section that are validated at once

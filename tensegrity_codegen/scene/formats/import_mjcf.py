@@ -74,7 +74,10 @@ def import_mjcf(
     values = [m.values for m in network.members if "damping" in m.values and "tension_only" not in m.values]
     if any(value["kind"] == "cable" for value in values):
         network.notes.append("in MuJoCo tendons keep their damping while slack, cables do not")
-    network.notes += defaults.describe_unread()
+    network.notes += [
+        f"{attribute} is not read, though it acts in MuJoCo: {name_list(names, MAX_NAMED)}"
+        for attribute, names in defaults.unread.items()
+    ]
     unread = [tag for tag in UNREAD if next(root.iterfind(tag), None) is not None]
     network.notes += [f"sections that are not read: {', '.join(unread)}"] if unread else []
     _note_geoms(network, links)

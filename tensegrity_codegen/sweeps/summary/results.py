@@ -92,11 +92,6 @@ class SweepResults:
         short, unit = shorten_key(key, MOST_LETTERS), self.key_units.get(key, "")
         return f"{short} [{unit}]" if unit not in ("", "1") else short
 
-    @property
-    def is_grid(self) -> bool:
-        """Whether all keys are axes of one grid."""
-        return bool(self.axes) and len(self.axes) == len(self.keys)
-
 
 def shorten_key(key: str, length: int) -> str:
     """Return the end of a long key, in which keys differ."""

@@ -167,7 +167,7 @@ def compute_indices(results: SweepResults, values: FloatArray) -> Indices | str:
     """Return the indices of one result (count,), or the reason why the cases do not allow them."""
     if results.method == "saltelli" and not results.axes:
         return compute_sobol_indices(results.keys, values)
-    if results.is_grid:
+    if results.axes and len(results.axes) == len(results.keys):  # all keys are axes of one grid
         shape = [len(points) for _, points in results.axes]
         return compute_grid_indices(results.keys, values, shape)
     return "they need a grid of all keys, or the sampling saltelli"

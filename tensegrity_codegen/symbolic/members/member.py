@@ -9,7 +9,7 @@ from functools import cached_property
 
 import casadi as ca
 
-from tensegrity_codegen.symbolic.geometry import MIN_SQUARE, Scalar, Vector, dot, member_length, member_rate
+from tensegrity_codegen.symbolic.geometry import MIN_SQUARE, Scalar, Vector, dot, member_length
 from tensegrity_codegen.symbolic.members.member_law import MemberLaw, build_law
 from tensegrity_codegen.tables.laws import MEMBER_VALUES
 
@@ -139,7 +139,7 @@ class Member:
         """Rate of the length [m/s]; 0 without damping and memory, where nothing depends on it."""
         if not self.is_damped and not self.remembers:
             return ca.SX(0.0)
-        return member_rate(self.vector, self.vector_rate, self.length)
+        return dot(self.vector, self.vector_rate) / self.length
 
     @property
     def remembers(self) -> bool:
@@ -172,7 +172,7 @@ class Member:
     @cached_property
     def static_density(self) -> Scalar:
         """Force density t_e / l_e without damping [N/m]."""
-        return self.law.static_force_density()
+        return self.law.static_tension() / self.law.length
 
     def pull(self, density: Scalar) -> Vector:
         """Return the force on node j, minus that on node i, of a force density [N]."""

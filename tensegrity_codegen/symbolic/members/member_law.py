@@ -74,10 +74,6 @@ class MemberLaw:
 
     # The division stays outside the branch: CasADi moves a product into it, one branch for each component.
 
-    def static_force_density(self) -> Scalar:
-        """Return the static tension over the length [N/m], at length 0 not a number unless slack."""
-        return self.static_tension() / self.length
-
     def force_density(self) -> Scalar:
         """Return the tension with damping over the length [N/m], at length 0 not a number unless slack."""
         return self.tension() / self.length

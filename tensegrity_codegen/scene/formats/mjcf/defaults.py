@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from xml.etree.ElementTree import Element
 
 from tensegrity_codegen.scene.formats.files.documents import check_attributes
-from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, name_list
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
 
 _FRAME = "pos quat axisangle xyaxes zaxis euler"
 _LOOKS = "name class group user material rgba"
@@ -98,13 +98,6 @@ class Defaults:
         """Return whether the range of an element acts; kind: "ctrl" or "force"."""
         limited = values.get(f"{kind}limited", "auto")
         return f"{kind}range" in values and (limited == "true" or (limited == "auto" and self._by_range))
-
-    def describe_unread(self) -> list[str]:
-        """Return notes on the attributes that act in MuJoCo and are not read."""
-        return [
-            f"{attribute} is not read, though it acts in MuJoCo: {name_list(names, MAX_NAMED)}"
-            for attribute, names in self.unread.items()
-        ]
 
     def inherit(self, element: Element, kind: str, around: str = MAIN) -> dict[str, str]:
         """Return the attributes of an element with those of its class."""
