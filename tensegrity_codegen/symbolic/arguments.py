@@ -4,6 +4,7 @@ An expression built on these values carries only the changeable values of the sc
 CasADi's constant folding (0 x -> 0, x + 0 -> x), so an absent gravity or damping leaves no trace.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any
 
@@ -26,7 +27,60 @@ from tensegrity_codegen.tables.quantities import ARGUMENTS, PARAMETERS
 WITH_MEMBERS = "Internal states: memory of members, deflections of contacts with friction."
 
 
-class SymbolicArguments:
+class ChangeableArguments(ABC):
+    """Run-time arguments by name, and values of which those that may change are their symbols.
+
+    parameters: argument name -> indices that stay changeable; n_axes: components of vectors.
+    """
+
+    def __init__(self, parameters: Mapping[str, tuple[int, ...]], n_axes: int) -> None:
+        self.parameters, self.n_axes = parameters, n_axes
+        self.symbols: dict[str, ca.SX] = {}
+
+    def ordered(self) -> dict[str, ModelArgument]:
+        """Return the arguments in the fixed order, with the scene's values."""
+        return {name: self._argument(name) for name in ARGUMENTS if name in self.symbols}
+
+    def parameter_symbols(self) -> ca.SX:
+        """Return all run-time parameters stacked in argument order, (n_parameters, 1)."""
+        chosen = [self.symbols[name] for name in PARAMETERS if name in self.parameters]
+        return ca.vertcat(*[ca.vec(symbol) for symbol in chosen]) if chosen else ca.SX(0, 1)
+
+    @abstractmethod
+    def _argument(self, name: str) -> ModelArgument:
+        """Return an argument with the scene's value."""
+
+    def _symbol(self, name: str, rows: int, columns: int = 1) -> ca.SX:
+        self.symbols[name] = ca.SX.sym(name, rows, columns)
+        return self.symbols[name]
+
+    def _scalars(self, name: str, values: Any) -> list[Scalar]:
+        result = [ca.SX(float(value)) for value in values]
+        if name in self.parameters:
+            symbol = self._symbol(name, len(self.parameters[name]))
+            for position, index in enumerate(self.parameters[name]):
+                check_whole(index, f"parameters.{name}", 0, len(result) - 1)
+                result[index] = symbol[position]
+        return result
+
+    def _vectors(self, name: str, values: Any) -> list[list[Scalar]]:
+        result = [[ca.SX(float(value)) for value in row] for row in np.asarray(values)]
+        if name in self.parameters:
+            # Columns are nodes, so that the bytes are those of a C-ordered (k, n_axes) array.
+            symbol = self._symbol(name, self.n_axes, len(self.parameters[name]))
+            for position, index in enumerate(self.parameters[name]):
+                check_whole(index, f"parameters.{name}", 0, len(result) - 1)
+                result[index] = [symbol[row, position] for row in range(self.n_axes)]
+        return result
+
+    def _gravity(self, values: Any) -> list[Scalar]:
+        if "gravity" in self.parameters:
+            symbol = self._symbol("gravity", len(values))
+            return [symbol[row] for row in range(len(values))]
+        return [ca.SX(float(value)) for value in values]
+
+
+class SymbolicArguments(ChangeableArguments):
     """Values of a structure, element by element: a symbol where it may change at run time, else a number.
 
     structure: the structure; parameters: argument name -> indices that stay changeable.
@@ -35,9 +89,8 @@ class SymbolicArguments:
 
     def __init__(self, structure: Structure, parameters: Mapping[str, tuple[int, ...]]) -> None:
         check_parameters(parameters)
+        super().__init__(parameters, len(structure.axes))
         self.structure = structure
-        self.parameters = parameters
-        self.symbols: dict[str, ca.SX] = {}
         axes = list(structure.axes)
         self.free = structure.coordinate_node_axis
         n_coordinates = len(self.free)
@@ -48,16 +101,16 @@ class SymbolicArguments:
             states = ca.vertsplit(self._symbol("internal", len(structure.internal_name)))
             self.internal = dict(zip(structure.internal_name, states, strict=True))
         self._symbol("input", len(structure.inputs))
-        self.rest_length = self._members("rest_length", structure.rest_length)
-        self.spring_constant = self._members("spring_constant", structure.spring_constant)
-        self.axial_stiffness = self._members("axial_stiffness", structure.axial_stiffness)
-        self.damping = self._members("damping", structure.damping)
+        self.rest_length = self._scalars("rest_length", structure.rest_length)
+        self.spring_constant = self._scalars("spring_constant", structure.spring_constant)
+        self.axial_stiffness = self._scalars("axial_stiffness", structure.axial_stiffness)
+        self.damping = self._scalars("damping", structure.damping)
         self.law_parameter = {
-            name: self._members(name, structure.member_value(name)) for name in LAW_PARAMETERS
+            name: self._scalars(name, structure.member_value(name)) for name in LAW_PARAMETERS
         }
-        self.node_mass = self._members("node_mass", structure.node_mass)
+        self.node_mass = self._scalars("node_mass", structure.node_mass)
         bodies = structure.bodies
-        self.body_mass = self._members("body_mass", [body.mass for body in bodies])
+        self.body_mass = self._scalars("body_mass", [body.mass for body in bodies])
         self.body_inertia = self._vectors("body_inertia", [body.principal_inertia for body in bodies])
         for k in parameters.get("body_mass", ()):  # corners have constant shares of the mass
             for node, mass in zip(bodies[k].corner, bodies[k].tetrahedron[2].tolist(), strict=True):
@@ -95,15 +148,6 @@ class SymbolicArguments:
             **{name: values[e] for name, values in self.law_parameter.items()},
         }
 
-    def ordered(self) -> dict[str, ModelArgument]:
-        """Return the arguments in the fixed order, with the scene's values."""
-        return {name: self._argument(name) for name in ARGUMENTS if name in self.symbols}
-
-    def parameter_symbols(self) -> ca.SX:
-        """Return all run-time parameters stacked in argument order, (n_parameters, 1)."""
-        chosen = [self.symbols[name] for name in PARAMETERS if name in self.parameters]
-        return ca.vertcat(*[ca.vec(symbol) for symbol in chosen]) if chosen else ca.SX(0, 1)
-
     def add_inputs(self) -> None:
         """Let each actuated input change rest lengths or loads: rho_e + gain u, F_i + u direction.
 
@@ -138,35 +182,6 @@ class SymbolicArguments:
         nominal = nominal_value(self.structure, self.parameters, name)
         sentence, unit = describe_argument(self.structure, name)
         return ModelArgument(self.symbols[name], *nominal, sentence, unit)
-
-    def _symbol(self, name: str, rows: int, columns: int = 1) -> ca.SX:
-        self.symbols[name] = ca.SX.sym(name, rows, columns)
-        return self.symbols[name]
-
-    def _members(self, name: str, values: Any) -> list[Scalar]:
-        result = [ca.SX(float(value)) for value in values]
-        if name in self.parameters:
-            symbol = self._symbol(name, len(self.parameters[name]))
-            for position, index in enumerate(self.parameters[name]):
-                check_whole(index, f"parameters.{name}", 0, len(result) - 1)
-                result[index] = symbol[position]
-        return result
-
-    def _vectors(self, name: str, values: Any) -> list[list[Scalar]]:
-        result = [[ca.SX(float(value)) for value in row] for row in np.asarray(values)]
-        if name in self.parameters:
-            # Columns are nodes, so that the bytes are those of a C-ordered (k, n_axes) array.
-            symbol = self._symbol(name, len(self.structure.axes), len(self.parameters[name]))
-            for position, index in enumerate(self.parameters[name]):
-                check_whole(index, f"parameters.{name}", 0, len(result) - 1)
-                result[index] = [symbol[row, position] for row in range(len(self.structure.axes))]
-        return result
-
-    def _gravity(self, values: Any) -> list[Scalar]:
-        if "gravity" in self.parameters:
-            symbol = self._symbol("gravity", len(values))
-            return [symbol[row] for row in range(len(values))]
-        return [ca.SX(float(value)) for value in values]
 
     def _ground(self) -> dict[str, Scalar]:
         """Return the numbers of the ground that stay changeable."""

@@ -19,11 +19,11 @@ import numpy as np
 
 from tensegrity_codegen.structure.bodies import Bar, BodySystem, FixedBody, RigidBody
 from tensegrity_codegen.structure.kinematics import Kinematics
+from tensegrity_codegen.symbolic.arguments import ChangeableArguments
 from tensegrity_codegen.symbolic.geometry import Scalar, Vector, dot
 from tensegrity_codegen.symbolic.model import ModelArgument
 from tensegrity_codegen.system.errors import FormulationError, suggest
 from tensegrity_codegen.tables.laws import LAW_PARAMETERS
-from tensegrity_codegen.tables.quantities import ARGUMENTS, PARAMETERS
 
 _OF_MEMBERS = ("rest_length", "spring_constant", "axial_stiffness", "damping")
 
@@ -36,7 +36,7 @@ _OF_COORDINATES = {
 BODY_PARAMETERS = (*_OF_MEMBERS, "node_load", "gravity")
 
 
-class BodyArguments:
+class BodyArguments(ChangeableArguments):
     """Values of a body system, element by element: a symbol where it may change at run time, else a number.
 
     parameters: argument name -> indices of members or nodes that stay changeable. Raises FormulationError
@@ -53,57 +53,24 @@ class BodyArguments:
                     allowed=", ".join(BODY_PARAMETERS),
                     hint=suggest(name, BODY_PARAMETERS),
                 )
-        self.system, self.parameters = system, parameters
-        self.symbols: dict[str, ca.SX] = {}
+        super().__init__(parameters, 3)
+        self.system = system
         self.coordinate = self._symbol("coordinate", system.n_coordinates)
         self.velocity = self._symbol("velocity", system.n_coordinates)
         self.input = self._symbol("input", len(system.inputs))
-        self.rest_length = self._scalars("rest_length")
-        self.spring_constant = self._scalars("spring_constant")
-        self.axial_stiffness = self._scalars("axial_stiffness")
-        self.damping = self._scalars("damping")
-        self.law_parameter = {name: self._scalars(name) for name in LAW_PARAMETERS}
-        result = [[ca.SX(float(value)) for value in row] for row in self.system.node_load]
-        if "node_load" in self.parameters:
-            # Columns are nodes, so that the bytes are those of a C-ordered (k, 3) array.
-            symbol = self._symbol("node_load", 3, len(self.parameters["node_load"]))
-            for position, index in enumerate(self.parameters["node_load"]):
-                result[index] = [symbol[row, position] for row in range(3)]
-        self.node_load = result
-        self.gravity = self._gravity()
+        self.rest_length = self._scalars("rest_length", system.member_value("rest_length"))
+        self.spring_constant = self._scalars("spring_constant", system.member_value("spring_constant"))
+        self.axial_stiffness = self._scalars("axial_stiffness", system.member_value("axial_stiffness"))
+        self.damping = self._scalars("damping", system.member_value("damping"))
+        self.law_parameter = {name: self._scalars(name, system.member_value(name)) for name in LAW_PARAMETERS}
+        self.node_load = self._vectors("node_load", system.node_load)
+        self.gravity = self._gravity(system.gravity)
         self._add_inputs()
 
     def member_values(self, e: int) -> dict[str, Scalar]:
         """Return the values of the law of tendon e, by the names of MEMBER_VALUES."""
         values = {name: getattr(self, name)[e] for name in _OF_MEMBERS}
         return values | {name: values[e] for name, values in self.law_parameter.items()}
-
-    def ordered(self) -> dict[str, ModelArgument]:
-        """Return the arguments in the fixed order, with the scene's values."""
-        return {name: self._argument(name) for name in ARGUMENTS if name in self.symbols}
-
-    def parameter_symbols(self) -> ca.SX:
-        """Return all run-time parameters stacked in argument order, (n_parameters, 1)."""
-        chosen = [self.symbols[name] for name in PARAMETERS if name in self.parameters]
-        return ca.vertcat(*[ca.vec(symbol) for symbol in chosen]) if chosen else ca.SX(0, 1)
-
-    def _symbol(self, name: str, rows: int, columns: int = 1) -> ca.SX:
-        self.symbols[name] = ca.SX.sym(name, rows, columns)
-        return self.symbols[name]
-
-    def _scalars(self, name: str) -> list[Scalar]:
-        result = [ca.SX(float(value)) for value in self.system.member_value(name)]
-        if name in self.parameters:
-            symbol = self._symbol(name, len(self.parameters[name]))
-            for position, index in enumerate(self.parameters[name]):
-                result[index] = symbol[position]
-        return result
-
-    def _gravity(self) -> list[Scalar]:
-        if "gravity" in self.parameters:
-            symbol = self._symbol("gravity", 3)
-            return [symbol[row] for row in range(3)]
-        return [ca.SX(float(value)) for value in self.system.gravity]
 
     def _add_inputs(self) -> None:
         """Let inputs change rest lengths, and the forces on nodes that keep their direction."""

@@ -29,13 +29,6 @@ class CoordinateMap:
             if structure.node_anchored[node, axis]
         ]
 
-    def coordinate_nodes(self) -> dict[int, list[tuple[int, int]]]:
-        """Return node -> (coordinate, axis) of its free components, in ascending order."""
-        entries_of: dict[int, list[tuple[int, int]]] = {}
-        for (node, axis), position in self.index.items():
-            entries_of.setdefault(node, []).append((position, axis))
-        return entries_of
-
     def indices(self, nodes: list[int], axis: int) -> list[int]:
         """Return the coordinates of free `nodes` along `axis`."""
         return [self.index[node, axis] for node in nodes]

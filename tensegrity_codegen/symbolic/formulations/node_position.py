@@ -69,12 +69,6 @@ class _NodePosition(NodeCoordinates):
             **self.memory_quantities(),
         }
 
-    def with_net_force(self, force: list[Vector]) -> "_NodePosition":
-        """Return the same expressions with `force` for the net force on each node [N], damped and static."""
-        result = _NodePosition(self.structure, self.arguments)
-        vars(result).update(net_force=force, net_static_force=force)
-        return result
-
     # Dynamics
 
     def acceleration(self) -> ca.SX:
