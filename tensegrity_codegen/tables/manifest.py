@@ -368,6 +368,10 @@ class Manifest:
         """Return the argument of that name."""
         return next(argument for argument in self.arguments if argument.name == name)
 
+    def find_argument(self, name: str) -> ArgumentSpec | None:
+        """Return the argument of that name, None if there is none."""
+        return next((argument for argument in self.arguments if argument.name == name), None)
+
     def to_json(self) -> str:
         """Return the manifest as JSON text, the same for the same content: one line a field.
 

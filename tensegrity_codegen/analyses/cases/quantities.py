@@ -208,9 +208,7 @@ def place_rows(
         result[..., axes] = position
         return result, is_good
     arguments = case_arguments.all
-    changeable = next(
-        (argument for argument in manifest.arguments if argument.name == "anchor_position"), None
-    )
+    changeable = manifest.find_argument("anchor_position")
     if changeable is not None and "anchor_position" in arguments:
         nodes = np.array([manifest.node_name.index(name) for name in changeable.over])
         result[:, nodes[:, None], axes] = arguments["anchor_position"]

@@ -106,7 +106,7 @@ def _member_context(manifest: Manifest, still: int) -> dict[str, Any]:
     """Return the members as tables: coordinates of their ends, entries of arguments, and fixed places."""
     n_coordinates, shape = len(manifest.coordinate_name), (len(manifest.node_name), 3)
     number, anchor, fixed = np.full(shape, n_coordinates), np.full(shape, -1), manifest.stated_position.copy()
-    moved = next((argument for argument in manifest.arguments if argument.name == "anchor_position"), None)
+    moved = manifest.find_argument("anchor_position")
     if moved is not None:
         rows = [manifest.node_name.index(name) for name in moved.over]
         anchor[np.ix_(rows, manifest.axes)] = np.arange(len(moved.nominal)).reshape(moved.shape)

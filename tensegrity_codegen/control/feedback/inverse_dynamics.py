@@ -79,7 +79,7 @@ class InverseDynamics:
         # Damping of members [N s/m]: as stated, or as given among the arguments.
         self.damping = np.array(structure.damping)
         stated, manifest = plan_model.arguments.get("damping"), plan_model.model.manifest
-        spec = next((argument for argument in manifest.arguments if argument.name == "damping"), None)
+        spec = manifest.find_argument("damping")
         if stated is not None and spec is not None:
             self.damping[[manifest.member_name.index(name) for name in spec.over]] = np.ravel(stated)
         one_sided = np.asarray(structure.tension_only)

@@ -147,7 +147,7 @@ def find_tips(
     """
     require_model(model)
     require_ground(getattr(model, "structure", None), model.manifest.name)
-    spec = next((argument for argument in model.manifest.arguments if argument.name == "rest_length"), None)
+    spec = model.manifest.find_argument("rest_length")
     valid_names = () if spec is None else spec.over
     for name in cables:
         check_choice(name, valid_names, "cable", "cables")

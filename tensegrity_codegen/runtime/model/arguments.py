@@ -44,7 +44,7 @@ def merge_inputs(
     numbers = {name: _number(name, values.pop(name), is_batch=is_batch) for name in named}
     lengths = {name: len(value) for name, value in numbers.items() if value.ndim}
     rows = (agree_on_rows(lengths, "arguments", "one number for a single motion"),) if lengths else ()
-    spec = next((argument for argument in manifest.arguments if argument.name == INPUT), None)
+    spec = manifest.find_argument(INPUT)
     stated = np.zeros(len(manifest.input_name)) if spec is None else np.array(spec.nominal, dtype=np.float64)
     start = stated if base is None else np.asarray(base, dtype=np.float64)
     merged = np.array(np.broadcast_to(start, (*rows, len(manifest.input_name))), dtype=dtype)
@@ -130,7 +130,7 @@ def check_parameter_values(manifest: Manifest, arguments: Mapping[str, Any]) -> 
     evaluates at any values.
     """
     for name in (*ABOVE_ZERO, *FROM_ZERO):
-        spec = next((argument for argument in manifest.arguments if argument.name == name), None)
+        spec = manifest.find_argument(name)
         if spec is None or arguments.get(name) is None:
             continue
         try:
@@ -178,7 +178,7 @@ def apply_ground(model: Model, arguments: Mapping[str, Any]) -> Ground | None:
 
 def apply_loads(model: Model, *values: Mapping[str, Any]) -> NDArray[np.float64] | None:
     """Return loads (n_t, n_nodes, 3) [N] under arguments `values`; None if they are the scene's."""
-    spec = next((argument for argument in model.manifest.arguments if argument.name == LOAD), None)
+    spec = model.manifest.find_argument(LOAD)
     structure = getattr(model, "structure", None)
     if spec is None or structure is None:
         return None

@@ -45,9 +45,7 @@ def place_nodes(
         values = {**(arguments or {}), "coordinate": coordinate}
         result[:, list(manifest.axes)] = model.compute("node_position", **values)
         return result
-    changeable = next(
-        (argument for argument in manifest.arguments if argument.name == "anchor_position"), None
-    )
+    changeable = manifest.find_argument("anchor_position")
     if anchor_position is not None and changeable is not None:
         rows = [manifest.node_name.index(name) for name in changeable.over]
         result[np.ix_(rows, list(manifest.axes))] = np.reshape(anchor_position, changeable.shape)

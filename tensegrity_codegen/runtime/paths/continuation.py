@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity_codegen.runtime.model.arrays import to_doubles
+from tensegrity_codegen.runtime.model.arrays import check_shape, to_doubles
 from tensegrity_codegen.runtime.paths.load_path import (
     LoadPath,
     NeutralMotions,
@@ -104,8 +104,7 @@ def follow_path(
     expected = begin.shape
     with suppress(NonFiniteError):  # then the path has no start
         expected = np.shape(problem.residual(begin, float(least)))
-    if begin.shape != expected:
-        raise InvalidValueError("wrong shape", where="start", given=begin.shape, allowed=f"shape {expected}")
+    check_shape(begin, expected, "start")
     path = _Path(problem, tuple(watches), neutral, control, (least, most))
     path.tracker.floor = least if floor is None else float(floor)
     path.stop_at = frozenset(stop_at)

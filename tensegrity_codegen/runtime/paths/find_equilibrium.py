@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.model.arguments import merge_inputs, read_arguments
-from tensegrity_codegen.runtime.model.arrays import to_doubles, to_sized
+from tensegrity_codegen.runtime.model.arrays import check_shape, to_doubles, to_sized
 from tensegrity_codegen.runtime.model.interface import Model, require_model
 from tensegrity_codegen.runtime.paths.model_path import GROWING
 from tensegrity_codegen.runtime.paths.ramp import MAX_FOLLOWED, Ramp, Way
@@ -26,7 +26,7 @@ from tensegrity_codegen.structure.pieces import find_chains
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance, check_switch
-from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError, check_choice
+from tensegrity_codegen.system.errors import TensegrityError, check_choice
 from tensegrity_codegen.tables.static_methods import Method
 
 LENGTH_TOLERANCE = 1e-5  # of the longest member: difference of lengths up to which two equilibria are one
@@ -45,8 +45,7 @@ def find_snap(
     """Return whether the equilibrium under `load` was reached by a jump from that under `base` [N]."""
     _check_call(model, found, cables, arguments)
     base, load = (to_doubles(value, name, "loads [N]") for name, value in (("base", base), ("load", load)))
-    if base.shape != load.shape:
-        raise InvalidValueError("wrong shape", where="base", given=base.shape, allowed=f"shape {load.shape}")
+    check_shape(base, load.shape, "base")
     pattern = load - base
     if not pattern.any():
         return Snap(False)

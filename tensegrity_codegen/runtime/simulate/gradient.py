@@ -325,9 +325,7 @@ class _Weights:
     def add_node_position(self, weight: FloatArray) -> None:
         """Add weights of positions (n_t, n_nodes, 3), of anchored nodes too."""
         self.state[:, : self.n] += self._carry(weight)
-        anchors = next(
-            (argument for argument in self.manifest.arguments if argument.name == "anchor_position"), None
-        )
+        anchors = self.manifest.find_argument("anchor_position")
         if anchors is None:
             return
         held = weight.sum(axis=0)

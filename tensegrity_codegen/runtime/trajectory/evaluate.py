@@ -344,9 +344,7 @@ class _Samples:
             result[..., axes] = self.compute(quantity)
             return self._mask(result)
         anchors = self.arguments.get("anchor_position")
-        changeable = next(
-            (argument for argument in manifest.arguments if argument.name == "anchor_position"), None
-        )
+        changeable = manifest.find_argument("anchor_position")
         if quantity == "node_position" and anchors is not None and changeable is not None:
             rows = np.array([manifest.node_name.index(name) for name in changeable.over])
             array, is_batched = anchors

@@ -120,7 +120,7 @@ def bind_gust(
     gusts = tuple(stated)
     if not gusts:
         return None
-    spec = next((argument for argument in model.manifest.arguments if argument.name == NODE_LOAD), None)
+    spec = model.manifest.find_argument(NODE_LOAD)
     nodes = () if spec is None else spec.over
     for one_gust in gusts:
         _check(one_gust)

@@ -121,7 +121,7 @@ def find_cables(
         for name in ("spring_constant", "axial_stiffness", "rest_length")
     }
     for name, value in values.items():
-        spec = next((argument for argument in model.manifest.arguments if argument.name == name), None)
+        spec = model.manifest.find_argument(name)
         if spec is not None and name in arguments:
             rows = [structure.member_name.index(member) for member in spec.over]
             value[rows] = np.asarray(arguments[name], dtype=float).ravel()

@@ -215,7 +215,7 @@ def _draw_gust(model: CompiledModel, gust: Gust | RandomGust, rng: np.random.Gen
 def _select_nodes(model: CompiledModel, gust: RandomGust) -> list[str]:
     """Return the nodes of a pattern whose loads can change and that are not anchored."""
     manifest = model.manifest
-    spec = next((argument for argument in manifest.arguments if argument.name == NODE_LOAD), None)
+    spec = manifest.find_argument(NODE_LOAD)
     nodes = () if spec is None else spec.over
     matching = [name for name in nodes if fnmatchcase(name, gust.nodes)]
     # Nodes that no coordinate moves.

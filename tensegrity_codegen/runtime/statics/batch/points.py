@@ -323,9 +323,7 @@ class BatchProblem:
     def place(self, coordinate: FloatArray, rows: IntArray) -> FloatArray:
         """Return positions of all nodes, (count, n_nodes, 3) [m]."""
         position = np.tile(self.manifest.stated_position, (len(rows), 1, 1))
-        changeable = next(
-            (argument for argument in self.manifest.arguments if argument.name == "anchor_position"), None
-        )
+        changeable = self.manifest.find_argument("anchor_position")
         if changeable is not None and "anchor_position" in self.arguments:
             array, is_batched = self.arguments["anchor_position"]
             nodes = np.array([self.manifest.node_name.index(name) for name in changeable.over])
