@@ -142,7 +142,3 @@ class _NodePosition(NodeCoordinates):
 
     def parameter_jacobian(self) -> ca.SX:
         return by_parameters(ca.vertcat(self.acceleration(), self.internal_rate()), self.arguments)
-
-
-# The class by its public name, for emitters.
-NodePosition = _NodePosition

@@ -22,4 +22,3 @@ def _find_tableaus() -> Mapping[str, Tableau]:
 
 EXPLICIT = _find_tableaus()
 TABLEAUS = MappingProxyType({name: table for name, table in EXPLICIT.items() if table.errors})
-ADAPTIVE = tuple(TABLEAUS)  # with error control
