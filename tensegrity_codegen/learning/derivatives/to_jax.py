@@ -62,7 +62,6 @@ def to_jax(
     >>> model = compile_scene("two_nodes.toml", for_="derivatives")
     >>> fall = to_jax(model, "acceleration", dtype="float32")  # doctest: +SKIP
     """
-    import_extra("jax", JAX)
     of_quantity = QuantityFunction(model, quantity, threads=threads, on_error=on_error)
     return _build(of_quantity, dtype, lambda found: found[quantity])
 
@@ -125,7 +124,6 @@ def to_jax_motion(
     >>> model = compile_scene("two_nodes.toml", for_="motion_derivatives")
     >>> drop = to_jax_motion(model, 0.1, dtype="float32")  # doctest: +SKIP
     """
-    import_extra("jax", JAX)
     options: dict[str, Any] = {"samples": samples, "method": method, "rtol": rtol, "schedule": schedule}
     options |= {"outputs": tuple(outputs), "threads": threads, "on_error": on_error}
     return _build(MotionFunction(model, t_end, **options), dtype, dict)

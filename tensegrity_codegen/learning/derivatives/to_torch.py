@@ -46,7 +46,6 @@ def to_torch(
     >>> model = compile_scene("two_nodes.toml", for_="derivatives")
     >>> fall = to_torch(model, "acceleration")  # doctest: +SKIP
     """
-    import_extra("torch", TORCH)
     of_quantity = QuantityFunction(model, quantity, threads=threads, on_error=on_error)
     return _build(of_quantity, dtype, lambda found: found[quantity])
 
@@ -91,7 +90,6 @@ def to_torch_motion(
     >>> model = compile_scene("two_nodes.toml", for_="motion_derivatives")
     >>> drop = to_torch_motion(model, 0.1)  # doctest: +SKIP
     """
-    import_extra("torch", TORCH)
     options: dict[str, Any] = {"samples": samples, "method": method, "rtol": rtol, "schedule": schedule}
     options |= {"outputs": outputs, "threads": threads, "on_error": on_error}
     return _build(MotionFunction(model, t_end, **options), dtype, dict)
