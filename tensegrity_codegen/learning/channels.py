@@ -14,7 +14,13 @@ from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.checks import check_names, check_pair
-from tensegrity_codegen.system.errors import InvalidValueError, SceneError, StructureError, check_choice
+from tensegrity_codegen.system.errors import (
+    InvalidValueError,
+    SceneError,
+    StructureError,
+    UnknownNameError,
+    check_choice,
+)
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.quantities import QUANTITIES
 from tensegrity_codegen.tables.request import ModelRequest
@@ -114,14 +120,20 @@ class Observations:
         try:
             self.texts = parse_kept(check_names(observe, "observe") or usual, (*self.sensors, COMMAND))
         except SceneError as error:
-            error.where = error.where.replace("keep", "observe")
-            raise
+            raise self._rename(error) from None
         self.names = [kept_text.expression for kept_text in self.texts]
         self.measured = {
             name: "body_angular_velocity" if sensor.kind == "angular_velocity" else sensor.kind
             for name, sensor in self.sensors.items()
             if name in self.names
         }
+
+    def _rename(self, error: SceneError) -> SceneError:
+        """Return an error of `keep` as one of `observe`, which knows sensors and commands too."""
+        error.where = error.where.replace("keep", "observe")
+        if isinstance(error, UnknownNameError) and "did you mean" not in error.hint and not error.allowed:
+            error.hint += f"; beside quantities: {', '.join((COMMAND, *self.sensors))}"
+        return error
 
     def list_quantities(self, request: ModelRequest) -> tuple[str, ...]:
         """Return the quantities that they need."""
@@ -146,7 +158,10 @@ class Observations:
                 count = len(sensor.targets) * int(np.prod(shapes[quantity][1:]))
                 observed.append(Observed(name, QUANTITIES[quantity].unit, count, sensor.noise))
             else:
-                (self.results[name],) = bind_kept((kept_text,), manifest)
+                try:
+                    (self.results[name],) = bind_kept((kept_text,), manifest)
+                except SceneError as error:
+                    raise self._rename(error) from None
                 output = self.results[name].output
                 observed.append(Observed(kept_text.name, output.unit or "1", int(np.prod(output.shape))))
         # The sensor of each number that has one.

@@ -19,6 +19,7 @@ from tensegrity_codegen.runtime.trajectory.simulation_quantities import (
 )
 from tensegrity_codegen.system.checks import (
     check_callback,
+    check_instance,
     check_mapping,
     check_names,
     check_positive,
@@ -27,8 +28,11 @@ from tensegrity_codegen.system.checks import (
 from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 from tensegrity_codegen.system.extras import LEARN, import_extra
 from tensegrity_codegen.tables.formulations import find_formulation
+from tensegrity_codegen.tables.integrators import INTEGRATORS, find_row
 
 METHOD = "rk54"  # of the stepper
+EXPLICIT = tuple(name for name in INTEGRATORS if find_row(name, False).kind != "implicit")
+OPTIONS = ("method", "rtol", "stepping", "threads", "quantities")  # of it that may be stated
 OF_STEPS = (POSITION, VELOCITY, "member_tension")  # what every `EnvironmentStep` has
 
 
@@ -59,7 +63,7 @@ def environment(
         Time between two actions.
     observe : sequence of str
         What is seen: ``"command"``, names of sensors of the scene (``"sensors[0]"`` of one without a name),
-        quantities and expressions over these as for `keep` of sweeps. By default all sensors and the
+        and quantities and expressions over quantities as for `keep` of sweeps. By default all sensors and the
         commands; without sensors positions, axes of bodies, velocities and the commands.
     act : sequence of str or mapping, optional
         Actuators that act, by default all; or inputs with least and largest value, ``{"push": (-5, 5)}``.
@@ -123,6 +127,7 @@ def environment(
     from tensegrity_codegen.learning.vector_env import MODES, StructureEnv, StructureVectorEnv
 
     check_choice(autoreset, MODES, "autoreset", "autoreset")
+    check_instance(start, (str, Path), "start", "a text or a Path")
     count = 1 if n is None else check_whole(n, "n", 1)
     check_positive(sample, "sample", "[s]")
     check_positive(seconds, "seconds", "[s]")
@@ -137,6 +142,9 @@ def environment(
             raise InvalidValueError(problem, where="randomise", given=f"input.{action.name}", allowed=allowed)
     # The library has what the stepper, observations, rewards and recorded episodes need.
     options = {"method": METHOD, **check_mapping(stepper, "stepper", "options of a Stepper by name")}
+    for name in options:
+        check_choice(name, OPTIONS, "option of a stepper", "stepper")
+    check_choice(options["method"], EXPLICIT, "method of a stepper", "stepper: method")
     quantities = check_names(options.get("quantities", ()), "stepper: quantities")
     of_state = (POSITION, VELOCITY) if find_formulation(request.formulation).in_nodes else ()
     seen = dict.fromkeys((*OF_STEPS, *observations.list_quantities(request), *quantities))

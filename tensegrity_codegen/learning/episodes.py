@@ -6,11 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import QhullError
 from scipy.spatial.transform import Rotation
 from scipy.special import ndtri
 
 from tensegrity_codegen.analyses.cases.quantities import GUST, GUST_TIME
 from tensegrity_codegen.pipeline.settle import find_settled
+from tensegrity_codegen.runtime.model.arrays import check_finite
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.simulate.motion_input import read_starts
@@ -72,8 +74,8 @@ class Streams:
 TRIED = 32  # draws by which it is found which arguments of a library follow from the keys
 MAX_DRAWS = 100  # until the values of a copy are a scene
 CHANGEABLE = (
-    "stiffnesses, rest lengths, damping, masses and loads of nodes, masses of rigid bodies, gravity, numbers "
-    "of the ground, delays and rates of actuators, noise of sensors"
+    "stiffnesses, rest lengths, damping, masses and loads of nodes, masses of rigid bodies, gravity, "
+    "stiffness, damping and friction above 0 of the ground, delays and rates of actuators, noise of sensors"
 )
 
 
@@ -188,6 +190,7 @@ def list_inertias(structure: Subject, other: Subject) -> FloatArray:
 
 
 SCENE, SETTLED, FACET = "scene", "settled", "facet"
+SLOW = 1e-3  # [m/s]: at rest after MAX_REST
 MAX_REST, REST_TIME, REST_SPEED = 30.0, 0.5, 1e-4  # [s], [s], [m/s]: at rest while all rates are that low
 REST_RTOL = 1e-6  # errors of looser steps are motions
 GAP = 1e-4  # of the size: how far above the ground a structure is that is laid onto a facet
@@ -211,6 +214,8 @@ def find_starts(
         starts = nominal | read_starts(start, model.manifest)
         m = max(len(starts[name]) for name in nominal)
         shape = (m, nominal["velocity"].size)
+        for name in nominal:
+            check_finite(starts[name], f"{start}: {name}")
         names = (*nominal, *starts.pop("arguments"))
         if len(names) > 2 or any(starts[name].shape not in (shape, (1, shape[1])) for name in names):
             allowed = f"positions and velocities (n, {shape[1]}), a row for each state"
@@ -242,7 +247,11 @@ def find_starts(
         return fallen
     # Each facet of the convex hull turned down, in the middle of where the structure rests.
     ground, position = structure.ground, place_nodes(model, fallen.coordinate[0])
-    facets = Facets(structure.with_changes(node_position=position), [])
+    try:
+        facets = Facets(structure.with_changes(node_position=position), [])
+    except QhullError:
+        problem, allowed = "this structure has no facets to stand on", "four nodes that are not in a plane"
+        raise FormulationError(problem, where="start", given=start, allowed=allowed) from None
     centre, laid = position[ground.node].mean(axis=0), []
     for facet in facets.facet:
         a, b, c = position[list(facet)]
@@ -265,9 +274,12 @@ def _come_to_rest(model: CompiledModel, start: FloatArray, inputs: Sequence[floa
         calm = np.where(np.abs(stepper.velocity).max(axis=1) < REST_SPEED, calm + 1, 0)
         if ((calm >= 10) | (stepper.status != 0)).all():
             break
-    still = calm >= 10
+    speed = np.nan_to_num(np.abs(stepper.velocity).max(axis=1), nan=np.inf)
+    still = (calm >= 10) | (speed < SLOW)
     if not still.any():
-        problem = f"the structure does not come to rest within {MAX_REST:g} s"
+        problem = (
+            f"the structure does not come to rest: after {MAX_REST:g} s it moves with {speed.min():.1e} m/s"
+        )
         hint = "damping of cables, friction of the ground, or start='scene'"
         raise ConvergenceError(problem, where="start", hint=hint)
     return Starts(stepper.coordinate[still], stepper.velocity[still], stepper.internal[still])

@@ -1,5 +1,6 @@
 """Environments of gymnasium, which is imported with this module alone: many copies, and one of them."""
 
+import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from operator import attrgetter
 from pathlib import Path
@@ -9,14 +10,22 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity_codegen.control.feedback.policy import Description
+from tensegrity_codegen.control.feedback.policy import MAX_DELAY, Description
 from tensegrity_codegen.learning.channels import POSITION, VELOCITY, Actions, Observations
 from tensegrity_codegen.learning.episodes import DrawnNumbers, Starts, Streams
 from tensegrity_codegen.learning.step import EnvironmentStep
 from tensegrity_codegen.live.draw import draw
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.arguments import INPUT
-from tensegrity_codegen.runtime.model.arrays import check_shape, read_arrays, to_doubles, write_arrays
+from tensegrity_codegen.runtime.model.arrays import (
+    check_finite,
+    check_saved,
+    check_shape,
+    fit_saved,
+    read_saved,
+    to_doubles,
+    write_arrays,
+)
 from tensegrity_codegen.runtime.trajectory.evaluate import evaluate_trajectory
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length
@@ -31,6 +40,7 @@ TENSION = "member_tension"
 Function = Callable[[EnvironmentStep], ArrayLike]
 MODES = {mode.name.lower(): mode for mode in gymnasium.vector.AutoresetMode}
 # Arrays of an environment that an episode goes on from, besides those of its stepper.
+SETTING = "settings."  # before the names of settings in a file
 HELD = (
     *("noise", "base", "inputs", "elapsed", "done", "observation", "start", "streams.key", "streams.drawn"),
     *("actions.command", "actions.sent", "actions.delay", "actions.rate"),
@@ -73,6 +83,8 @@ class StructureVectorEnv(gymnasium.vector.VectorEnv):
         names, internal = manifest.input_name, manifest.internal_name
         is_late = any(t.partition("=")[0].endswith(".delay") for t in draws.texts)
         self.actions, self.streams = Actions(acted, self.sample, n, is_late), Streams(n)
+        for duration, _ in self.actions.list_parts():
+            stepper.check_sample(duration)
         self.noise = np.array([[sensor.noise for sensor in structure.sensors]] * n)
         self.base, self.inputs = np.zeros((n, len(names))), np.zeros((n, len(names)))
         self.elapsed, self.done = np.zeros(n, np.int64), np.zeros(n, np.bool_)
@@ -98,14 +110,19 @@ class StructureVectorEnv(gymnasium.vector.VectorEnv):
         Copy k draws the same numbers for a seed however many copies there are; of a list it has its own.
         """
         mask = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, np.bool_)))
-        check_shape(mask, (self.num_envs,), "reset_mask")
+        if mask.dtype != np.bool_ or mask.shape != (self.num_envs,):
+            allowed, given = f"{self.num_envs} truth values", f"{mask.dtype} {mask.shape}"
+            raise InvalidValueError("no such copies", where="reset_mask", given=given, allowed=allowed)
         if isinstance(seed, Sequence):
-            check_shape(np.array(seed), (self.num_envs,), "seed")
+            check_whole(len(seed), "seed: length", self.num_envs, self.num_envs)
+            for k, one in enumerate(seed):
+                check_whole(0 if one is None else one, f"seed[{k}]", 0)
         super().reset(seed=None if isinstance(seed, Sequence) else seed)
         if seed is not None or not self.is_seeded:
             self.streams.seed(seed, np.flatnonzero(mask | (not self.is_seeded)))
             self.is_seeded = True
-        self._begin(np.flatnonzero(mask))
+        if mask.any():
+            self._begin(np.flatnonzero(mask))
         return self.observation.copy(), {}
 
     def step(self, actions: ArrayLike) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
@@ -119,11 +136,14 @@ class StructureVectorEnv(gymnasium.vector.VectorEnv):
         begun = self.done  # copies whose episode has ended: they begin the next one in this step
         with np.errstate(all="ignore"):
             step, failed = self._advance(action)
-            reward = np.where(failed | begun, 0.0, self._call(self.reward, step))
-            ends = False if self.terminate is None else self._call(self.terminate, step) != 0.0
+            self.elapsed = self.elapsed + 1
+            reward = self._call("reward", self.reward, step, failed | begun)
+            ends = self.terminate is not None and (
+                self._call("terminate", self.terminate, step, failed | begun) != 0.0
+            )
         terminated = (failed | ends) & ~begun
         truncated = (step.time > self.seconds - self.sample / 2) & ~terminated & ~begun
-        self.elapsed, self.done, info = self.elapsed + 1, terminated | truncated, dict[str, Any]()
+        self.done, info = terminated | truncated, dict[str, Any]()
         bad = failed & ~begun
         if bad.any():
             info = {"status": np.full(len(bad), None), "_status": bad}
@@ -139,9 +159,12 @@ class StructureVectorEnv(gymnasium.vector.VectorEnv):
             self._begin(np.flatnonzero(begun))
         return self.observation.copy(), reward, terminated, truncated, info
 
-    def _call(self, function: Function, step: EnvironmentStep) -> FloatArray:
-        array = np.asarray(function(step), dtype=np.float64)
-        check_shape(array, (self.num_envs,), "reward, terminate")
+    def _call(self, name: str, function: Function, step: EnvironmentStep, idle: BoolArray) -> FloatArray:
+        """Return what a function says of a step (n,), 0 of idle copies; NonFiniteError of others."""
+        array = to_doubles(function(step), name, f"{self.num_envs} numbers")
+        check_shape(array, (self.num_envs,), name)
+        array = np.where(idle, 0.0, array)
+        check_finite(array, name, f"of copy {np.argmin(np.isfinite(array))}: not finite")
         return array
 
     def _advance(self, action: FloatArray) -> tuple[EnvironmentStep, BoolArray]:
@@ -287,29 +310,58 @@ class StructureVectorEnv(gymnasium.vector.VectorEnv):
 
     def save(self, path: str | Path) -> None:
         """Write all that episodes go on from into an .npz file, which replaces one that is there."""
-        write_arrays(path, self._list_held(), overwrite=True)
+        settings = {name: np.array(text) for name, text in self._list_settings().items()}
+        write_arrays(path, self._list_held() | settings, overwrite=True)
 
     def load(self, path: str | Path) -> None:
-        """Go on, bit by bit, from a file of `save`; raises InvalidValueError for another one."""
-        self._restore(read_arrays(Path(path)))
+        """Go on, bit by bit, from a file of `save`; raises SceneError for another one."""
+        self._restore(read_saved(path), self._list_settings())
         self.is_seeded = True
 
     def _list_held(self) -> dict[str, Any]:
         held = {f"stepper.{name}": array for name, array in self.stepper.snapshot().items()}
         held |= {name: attrgetter(name)(self) for name in HELD}
-        return held | {"description": np.array(self.description.to_json())}
+        return held
 
-    def _restore(self, held: Mapping[str, Any]) -> None:
-        now = self._list_held()
-        shapes = [{name: array.shape[-2:] for name, array in arrays.items()} for arrays in (now, held)]
-        if shapes[0] != shapes[1] or str(held["description"]) != str(now["description"]):
-            allowed = f"{self.num_envs} copies of {self.description.scene} with the same settings"
-            raise InvalidValueError("not of this environment", where="load", given="others", allowed=allowed)
-        self.actions.sent = np.array(held["actions.sent"])
+    def _list_settings(self) -> dict[str, str]:
+        """Return what must be the same where an episode goes on, as texts."""
+        of = self.stepper.facts()[0][1].rpartition(",")[0]  # the method, without threads
+        starts = hashlib.sha256(self.starts.coordinate.tobytes() + self.starts.velocity.tobytes())
+        texts = {
+            "description": self.description.to_json(),
+            "seconds": str(self.seconds),
+            "autoreset": self.autoreset.name,
+            "stepper": of,
+            "start": starts.hexdigest(),
+            "library": self.model.manifest.scene_hash,
+        }
+        return {f"{SETTING}{name}": text for name, text in texts.items()}
+
+    def _restore(self, held: Mapping[str, Any], own: Mapping[str, str] | None = None) -> None:
+        """Go on from arrays; own: the settings that a file must have too."""
+        arrays, now = dict(held), self._list_held()
+        if own is not None:
+            other = [name[len(SETTING) :] for name in own if str(arrays.pop(name, "")) != own[name]]
+            if other:
+                allowed = f"{self.num_envs} copies of {self.description.scene} with the same settings"
+                given = f"another {', '.join(other)}"
+                raise InvalidValueError("not of this environment", where="load", given=given, allowed=allowed)
+        sent = np.asarray(arrays.get("actions.sent"))
+        if sent.ndim == 3 and 0 < len(sent) <= MAX_DELAY + 2:
+            now["actions.sent"] = np.zeros((len(sent), *now["actions.sent"].shape[1:]))
+        arrays = fit_saved(arrays, now, "not of this environment")
+        check_saved(arrays["actions.delay"], "actions.delay", 0.0, MAX_DELAY * self.sample)
+        check_saved(arrays["actions.rate"], "actions.rate", 0.0, np.inf)
+        check_saved(arrays["elapsed"], "elapsed", 0, np.inf)
+        for name in ("actions.sent", "actions.command", "base", "inputs", "noise", "observation", "start"):
+            check_finite(arrays[name], f"snapshot: {name}")
+        self.stepper.restore(
+            {name[8:]: array for name, array in arrays.items() if name.startswith("stepper.")}
+        )
+        self.actions.sent = arrays["actions.sent"]
         for name in HELD:
-            attrgetter(name)(self)[...] = held[name]
+            attrgetter(name)(self)[...] = arrays[name]
         self.actions.set_delays(np.arange(self.num_envs), self.actions.delay)
-        self.stepper.restore({name[8:]: array for name, array in held.items() if name.startswith("stepper.")})
         self._evaluate()
 
 

@@ -19,7 +19,14 @@ from tensegrity_codegen import (
     simulate,
 )
 from tensegrity_codegen.runtime.trajectory.read_trajectory import read_trajectory
-from tensegrity_codegen.system.errors import MissingExtraError, TensegrityError
+from tensegrity_codegen.system.errors import (
+    InvalidValueError,
+    MissingExtraError,
+    NonFiniteError,
+    SceneError,
+    TensegrityError,
+    UnknownNameError,
+)
 from tests.codegen.quickly import without_optimisation
 from tests.learning.scenes import CORD, PRISM
 
@@ -392,3 +399,58 @@ def test_copies_make_no_warnings() -> None:
         env = environment(CORD, 2)
         env.reset()
         env.step(np.full((2, 1), np.nan))
+
+
+def test_other_files_and_settings_are_refused_and_change_nothing(tmp_path: Path) -> None:
+    env, other = (environment(CORD, 2, seconds=seconds) for seconds in (10.0, 5.0))
+    env.reset(seed=1)
+    env.save(tmp_path / "env.npz")
+    with pytest.raises(InvalidValueError, match="another seconds"):
+        other.load(tmp_path / "env.npz")
+    good = dict(np.load(tmp_path / "env.npz"))
+    before = env._list_held()
+    for name, value in (
+        ("actions.delay", np.full((2, 1), np.nan)),
+        ("actions.sent", np.zeros((0, 2, 1))),
+        ("stepper.status", np.array([99, 0], dtype=np.int32)),
+        ("stepper.state", good["stepper.state"] + 1j),
+        ("elapsed", np.array(["a", "b"])),
+    ):
+        np.savez(tmp_path / "bad.npz", **good | {name: value})
+        with pytest.raises(InvalidValueError) as caught:
+            env.load(tmp_path / "bad.npz")
+        assert name.removeprefix("stepper.") in str(caught.value)
+        assert all(
+            np.array_equal(array, before[held], equal_nan=True) for held, array in env._list_held().items()
+        )
+    data = (tmp_path / "env.npz").read_bytes()
+    for damaged in (data[:-40], b"no archive", b""):
+        (tmp_path / "bad.npz").write_bytes(damaged)
+        with pytest.raises(SceneError, match=r"bad\.npz"):
+            env.load(tmp_path / "bad.npz")
+
+
+def test_masks_seeds_and_rewards_of_another_kind_are_refused() -> None:
+    env = environment(CORD, 3)
+    observation, _ = env.reset(seed=1)
+    again, _ = env.reset(options={"reset_mask": np.zeros(3, dtype=bool)})
+    assert np.array_equal(again, observation)
+    for mask in ([3, 3, 3], [np.nan] * 3, [True]):
+        with pytest.raises(InvalidValueError, match="reset_mask"):
+            env.reset(options={"reset_mask": mask})
+    for seed in ([-1, 2, 3], ["a", 1, 2], [1, 2]):
+        with pytest.raises(InvalidValueError, match="seed"):
+            env.reset(seed=seed)
+    for given, error in (
+        ("text", InvalidValueError),
+        (np.zeros(2), InvalidValueError),
+        (np.full(3, np.nan), NonFiniteError),
+    ):
+        bad = environment(CORD, 3, reward=lambda step, given=given: given)
+        bad.reset(seed=1)
+        with pytest.raises(error, match="reward"):
+            bad.step(np.zeros((3, 1)))
+    with pytest.raises(UnknownNameError, match="rtol"):
+        environment(CORD, 3, stepper={"n": 3})
+    with pytest.raises(InvalidValueError, match="start"):
+        environment(CORD, 3, start=None)  # type: ignore[arg-type]

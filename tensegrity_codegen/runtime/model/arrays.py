@@ -11,8 +11,13 @@ from zipfile import ZIP_STORED, BadZipFile
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.system.checks import is_number
-from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
+from tensegrity_codegen.system.checks import check_instance, check_path, is_number
+from tensegrity_codegen.system.errors import (
+    InvalidValueError,
+    NonFiniteError,
+    SceneSyntaxError,
+    describe_reason,
+)
 from tensegrity_codegen.system.files import check_ending, replaced
 from tensegrity_codegen.tables.precision import Precision
 
@@ -174,6 +179,45 @@ def read_arrays(path: Path, names: Collection[str] | None = None) -> dict[str, N
         if size > MAX_UNPACKED:
             raise ValueError(f"compressed arrays of {size >> 20} MB; up to {MAX_UNPACKED >> 20} MB are read")
         return {name: archive[name] for name in chosen}
+
+
+def read_saved(path: str | Path) -> dict[str, NDArray[Any]]:
+    """Return the arrays of an .npz file that a method `save` wrote; SceneSyntaxError for any other file."""
+    check_path(path, "path")
+    try:
+        return read_arrays(Path(path))
+    except UNREADABLE as error:
+        given, allowed = describe_reason(error), "an .npz file that `save` wrote"
+        raise SceneSyntaxError("cannot be read", where=str(path), given=given, allowed=allowed) from error
+
+
+def fit_saved(
+    saved: Mapping[str, Any], held: Mapping[str, NDArray[Any]], what: str
+) -> dict[str, NDArray[Any]]:
+    """Return saved arrays by the names of those held, of their shapes and types; InvalidValueError if others.
+
+    what: "not a snapshot of these copies", for the message.
+    """
+    check_instance(saved, Mapping, "snapshot", "arrays by name")
+    kinds = {"f": "fiu", "i": "iu", "u": "iu", "b": "b"}
+    fitting = {}
+    for name in dict.fromkeys((*held, *saved)):
+        array, own = np.asarray(saved.get(name)), held.get(name)
+        fits = own is not None and array.shape == own.shape and array.dtype.kind in kinds[own.dtype.kind]
+        if own is None or not fits:
+            given = f"{array.dtype} {array.shape}" if name in saved else "nothing"
+            allowed = ", ".join(held) if own is None else f"{own.dtype} {own.shape}"
+            raise InvalidValueError(what, where=f"snapshot: {name}", given=given, allowed=allowed)
+        fitting[name] = array.astype(own.dtype)
+    return fitting
+
+
+def check_saved(array: NDArray[Any], name: str, low: float, high: float) -> None:
+    """Raise InvalidValueError for a saved array with numbers that are not from `low` to `high`."""
+    if not ((array >= low) & (array <= high)).all():
+        given = f"{array.min()} to {array.max()}"
+        allowed = f"numbers from {low:g} to {high:g}"
+        raise InvalidValueError("out of range", where=f"snapshot: {name}", given=given, allowed=allowed)
 
 
 def read_names(path: Path) -> tuple[str, ...]:

@@ -26,7 +26,9 @@ from tensegrity_codegen.runtime.integrate.options import (
 from tensegrity_codegen.runtime.model.arguments import INPUT, check_arguments, merge_inputs
 from tensegrity_codegen.runtime.model.arrays import (
     check_finite,
-    read_arrays,
+    check_saved,
+    fit_saved,
+    read_saved,
     to_doubles,
     to_sized,
     write_arrays,
@@ -53,6 +55,7 @@ MOST_COPIES = 10_000_000
 MOST_STEPS = 10_000  # of a copy in a sample, where none are named
 BLOCKS_A_THREAD = 8  # of copies, so that no thread waits long for the last one
 WORTH_THREADS = 3e-4  # time of a step [s] from which on other threads are woken, which takes a tenth of it
+LONGEST_STEP = 1e100  # [s]
 WHOLE = 1e-9  # by which a number of steps may differ from a whole one
 FINER = 0.01  # tolerance of the steps that an error is estimated with, over that of the others
 HELD = ("state", "next_step", "steps", "status")  # arrays that a copy goes on from, besides its arguments
@@ -220,6 +223,10 @@ class Stepper(Summarised):
         )
         self._seconds = 0.0  # of the last step, of all threads
 
+    def check_sample(self, sample: float) -> float:
+        """Return a time [s] that a step can take; raises InvalidValueError for another."""
+        return _check_sample(self._options, sample)
+
     def step(self, inputs: ArrayLike | None = None, sample: float | None = None) -> None:
         """Advance all copies by a sample.
 
@@ -246,7 +253,7 @@ class Stepper(Summarised):
                 )
             self.inputs[:] = array
         if sample is not None:
-            self._copies.sample = _check_sample(self._options, sample)
+            self._copies.sample = self.check_sample(sample)
         try:
             self._run()
         finally:
@@ -364,15 +371,10 @@ class Stepper(Summarised):
     def restore(self, snapshot: Mapping[str, ArrayLike]) -> None:
         """Go on from a snapshot; raises InvalidValueError for one of other copies."""
         held = {name: getattr(self, name) for name in HELD} | dict(self.arguments)
-        arrays = {name: np.asarray(value) for name, value in snapshot.items()}
-        for name in (*held, *arrays):
-            if name not in held or name not in arrays or arrays[name].shape != held[name].shape:
-                raise InvalidValueError(
-                    "not a snapshot of these copies",
-                    where=f"snapshot: {name}",
-                    given=arrays[name].shape if name in arrays else "nothing",
-                    allowed=f"shape {held[name].shape}" if name in held else ", ".join(held),
-                )
+        arrays = fit_saved(snapshot, held, "not a snapshot of these copies")
+        check_saved(arrays["status"], "status", 0, len(ALL_STATUS) - 1)
+        check_saved(arrays["steps"], "steps", 0, np.inf)
+        check_saved(arrays["next_step"], "next_step", 0, LONGEST_STEP)
         for name, array in held.items():
             array[...] = arrays[name]
         self._check(self._evaluate(self._copies, 0, self.n))
@@ -383,9 +385,8 @@ class Stepper(Summarised):
         write_arrays(path, self.snapshot(), overwrite=True)
 
     def load(self, path: str | Path) -> None:
-        """Go on from a file of `save`; raises InvalidValueError for one of other copies."""
-        check_path(path, "path")
-        self.restore(read_arrays(Path(path)))
+        """Go on from a file of `save`; raises SceneError for another file, or one of other copies."""
+        self.restore(read_saved(path))
 
     def copy(self) -> "Stepper":
         """Return another stepper with the same copies."""

@@ -20,6 +20,7 @@ from tensegrity_codegen.system.errors import (
     InvalidValueError,
     LibraryError,
     NonFiniteError,
+    SceneError,
     UnknownNameError,
 )
 from tests.cases import thorough
@@ -166,6 +167,19 @@ def test_a_snapshot_goes_on_bit_by_bit_also_from_a_file(tmp_path: Path) -> None:
     assert np.array_equal(run(third), ends)
     with pytest.raises(InvalidValueError, match="not a snapshot of these copies"):
         model.stepper(3, sample=0.01).load(tmp_path / "copies.npz")
+    good, before = stepper.snapshot(), stepper.state.copy()
+    for name, value in {
+        "steps": ["a"] * 4,
+        "status": [99] * 4,
+        "next_step": [np.nan] * 4,
+        "state": [1.0],
+    }.items():
+        with pytest.raises(InvalidValueError, match=name):
+            stepper.restore({**good, "state": good["state"] + 1.0, name: np.array(value)})
+        assert np.array_equal(stepper.state, before)
+    (tmp_path / "copies.npz").write_bytes((tmp_path / "copies.npz").read_bytes()[:-50])
+    with pytest.raises(SceneError, match=r"copies\.npz"):
+        stepper.load(tmp_path / "copies.npz")
 
 
 def test_fixed_steps_are_those_of_simulate() -> None:
