@@ -1,6 +1,8 @@
 """A compiled controller in this process, and its description in `manifest.json`."""
 
 import json
+import shutil
+import tempfile
 from dataclasses import MISSING, asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -143,7 +145,9 @@ class LoadedController:
             )
         try:
             self._ffi.cdef(self.description.declarations)
-            self._library = self._ffi.dlopen(str(path.absolute()))
+            # A copy of its own: under a path that is loaded already the system returns the old library.
+            with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as private:
+                self._library = self._ffi.dlopen(shutil.copy(path, private))
         except (cffi.FFIError, cffi.CDefError, OSError) as error:
             raise LibraryError(
                 "the controller does not load", where=str(path), given=str(error), hint="build it again"

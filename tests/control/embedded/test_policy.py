@@ -311,6 +311,39 @@ def test_a_policy_of_a_file_moves_inputs_of_a_scene_file(motor: str, tmp_path: P
         controller.step(0.1, [0.0, 0.0])
 
 
+SCENE = """
+name = "mass"
+axes = "z"
+nodes = { top = { position = [0, 0, 0], anchored = true }, load = { position = [0, 0, -1], mass = 1.0 } }
+members = { cord = { nodes = ["top", "load"], class = "cable" } }
+classes = { cable = { kind = "cable", spring_constant = 100.0, rest_length = 0.9 } }
+inputs = [{ kind = "force", name = "push", nodes = ["load"], direction = [0, 0, 1] }]
+actuators = [{ name = "motor", members = ["cord"] }]
+"""
+
+
+def build_on_mass(folder: Path, weight: float, name: str) -> ControllerBundle:
+    """Build the controller of a network with a single weight, which moves that input."""
+    (folder / "mass.toml").write_text(SCENE, encoding="utf-8")
+    policy = Policy(
+        weights=(np.array([[weight]]),), biases=(np.zeros(1),), mean=np.zeros(1), scale=np.ones(1),
+        description=Description("mass", 0.1, (Observed("x"),), (Acted(name, 0.0, 0.2),)),
+    )  # fmt: skip
+    with without_optimisation():
+        return build_controller(folder / "mass.toml", policy=policy, out=folder / "ctl")
+
+
+def test_a_controller_that_is_built_again_runs_the_new_code(tmp_path: Path) -> None:
+    """While the old one of that folder is alive and goes on."""
+    controllers = []
+    for weight in (0.1, 0.9):
+        controllers.append(build_on_mass(tmp_path, weight, "motor").load())
+        controllers[-1].init()
+    for controller, weight in zip(controllers, (0.1, 0.9), strict=True):
+        controller.next([0.5])
+        assert controller.read("action").tolist() == [0.5 * weight]
+
+
 def change_action(**changes: Any) -> Policy:
     """Return a policy with another first action."""
     actions = (replace(ACTIONS[0], **changes), *ACTIONS[1:])
