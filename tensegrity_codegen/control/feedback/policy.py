@@ -41,6 +41,7 @@ OUTPUTS = ("linear", "tanh")
 LARGEST = 1e30  # of what a network can compute: single precision holds it
 MAX_DELAY = 1000  # samples
 MAX_NAME = 200  # characters
+MAX_NUMBERS = 100_000  # of an observation
 
 
 def _check_label(value: Any, where: str) -> None:
@@ -75,9 +76,9 @@ class Observed:
     Attributes
     ----------
     name : str
-        What is observed; ``"command"``: the commands of all actions as sent last [m].
+        What is observed; ``"command"``: the commands of all actions as sent last.
     unit : str
-        Unit of its numbers, ``"1"`` without one.
+        Unit of its numbers, ``"1"`` without one, ``"mixed"`` of commands of several units.
     size : int
         How many numbers it has.
     noise : float
@@ -92,7 +93,7 @@ class Observed:
     def __post_init__(self) -> None:
         _check_label(self.name, "observation: name")
         _check_label(self.unit, f"observation {self.name}: unit")
-        check_whole(self.size, f"observation {self.name}: size", 1)
+        check_whole(self.size, f"observation {self.name}: size", 1, MAX_NUMBERS)
         _check_range(self.noise, f"observation {self.name}: noise", 0.0)
 
 
@@ -103,7 +104,7 @@ class Acted:
     Attributes
     ----------
     name : str
-        Name of the actuator.
+        Name of the actuator, or of an input, whose unit is then in the place of m.
     centre, half_range : float [m]
         Middle of the range of its input, and half of the width.
     rate : float [m/s]
@@ -162,6 +163,7 @@ class Description:
             for part in parts:
                 check_instance(part, kind, name, kind.__name__)
             object.__setattr__(self, name, tuple(parts))
+        check_whole(self.n_observation, "observation: numbers", 0, MAX_NUMBERS)
         names = [acted.name for acted in self.action]
         if not names or not self.numbers or len(set(names)) < len(names):
             given = f"{len(self.numbers)} observed numbers, actions {', '.join(names) or 'none'}"
@@ -256,7 +258,8 @@ class Policy(Summarised):
             check_instance(getattr(self, name), (list, tuple), name, "a tuple of arrays, one for each layer")
             layers = [_freeze(value, f"{name}[{k}]") for k, value in enumerate(getattr(self, name))]
             object.__setattr__(self, name, tuple(layers))
-        check_whole(len(self.biases), "biases: layers", max(len(self.weights), 1), len(self.weights))
+        count = check_whole(len(self.weights), "weights: layers", 1)
+        check_whole(len(self.biases), "biases: layers", count, count)
         # Sizes from the observation to the actions, and the largest sums that clipped observations can give.
         bound = np.full(size := self.description.n_observation, float(self.clip))
         for name in ("mean", "scale"):
@@ -264,8 +267,8 @@ class Policy(Summarised):
             check_shape(getattr(self, name), (size,), name)
         _check_range(float(self.scale.min()), "scale")
         for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
-            is_last = k + 1 == len(self.weights)
-            n_out = len(self.description.action) if is_last else len(weight) if weight.ndim == 2 else 0
+            is_last = k + 1 == count
+            n_out = len(self.description.action) if is_last else max((1, *weight.shape[:1]))
             check_shape(weight, (n_out, size), f"weights[{k}]")
             check_shape(bias, (n_out,), f"biases[{k}]")
             with np.errstate(over="ignore"):

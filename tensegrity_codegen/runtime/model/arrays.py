@@ -74,9 +74,10 @@ def to_doubles(value: ArrayLike, where: str, allowed: str) -> NDArray[np.float64
         if numbers.dtype.kind == "c":
             raise TypeError("complex numbers")
         return np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError) as error:
+    except (TypeError, ValueError, OverflowError, RuntimeError) as error:
+        hint = str(error) if isinstance(error, RuntimeError) else ""  # PyTorch says: tensor.detach().numpy()
         raise InvalidValueError(
-            "not an array of numbers", where=where, given=value, allowed=allowed
+            "not an array of numbers", where=where, given=value, allowed=allowed, hint=hint
         ) from error
 
 

@@ -99,7 +99,13 @@ def test_descriptions_are_json(tmp_path: Path) -> None:
         ({"scale": np.array([1.0, 0.0, 1.0, 1.0])}, InvalidValueError, "scale"),
         ({"scale": np.array([1.0, np.nan, 1.0, 1.0])}, NonFiniteError, "scale"),
         ({"clip": 0.0}, InvalidValueError, "clip"),
-        ({"weights": (), "biases": ()}, InvalidValueError, "biases: layers"),
+        ({"weights": (), "biases": ()}, InvalidValueError, "weights: layers"),
+        (
+            {"weights": (np.zeros((0, 4)), np.zeros((2, 0))), "biases": (np.zeros(0), np.zeros(2))},
+            InvalidValueError,
+            "weights[0]",
+        ),
+        ({"weights": (np.array(1.0), np.zeros((2, 3)))}, InvalidValueError, "weights[0]"),
         ({"biases": (np.zeros(3),)}, InvalidValueError, "biases: layers"),
         ({"weights": (np.zeros((3, 5)), np.zeros((2, 3)))}, InvalidValueError, "weights[0]"),
         ({"weights": (np.zeros((3, 4)), np.zeros((3, 3)))}, InvalidValueError, "weights[1]"),
@@ -128,6 +134,8 @@ def test_wrong_networks_are_refused(changes: dict[str, Any], error: type[Excepti
         lambda: Observed("two\nlines", "m"),
         lambda: Observed("x", "m" * 300),
         lambda: Observed("x", "m", 0),
+        lambda: Observed("x", "m", 100_001),
+        lambda: Description("prism", 0.02, (Observed("x", "m", 60_000),) * 2, ACTIONS),
         lambda: Observed("x", "m", 1, -1.0),
         lambda: Acted("winch", 0.0, 0.0),
         lambda: Acted("winch", np.nan, 1.0),
@@ -145,6 +153,38 @@ def test_wrong_descriptions_are_refused(make: Any) -> None:
     """Names, sizes, ranges, no action, one twice, commands of others, long delays."""
     with pytest.raises(InvalidValueError):
         make()
+
+
+def test_sizes_that_would_fill_the_memory_are_refused_before_they_are_listed() -> None:
+    """Of a part in JSON, and of a hundred thousand parts."""
+    huge = DESCRIPTION.to_json().replace('"size": 2', f'"size": {10**10}', 1)
+    many = (Observed("x", "m", 100_000),) * 100_000
+    for make, where in (
+        (lambda: Description.from_json(huge, "file"), "file: observation length of top1: size"),
+        (lambda: Description("prism", 0.02, many, ACTIONS), "observation: numbers"),
+    ):
+        with pytest.raises(InvalidValueError, match="100000") as refused:
+            make()
+        assert refused.value.where == where
+
+
+def test_tensors_that_require_gradients_are_refused_with_what_to_write() -> None:
+    """As PyTorch raises it."""
+
+    class Tensor:
+        def __array__(self, dtype: Any = None, copy: Any = None) -> Any:
+            raise RuntimeError("Use tensor.detach().numpy() instead.")
+
+    with pytest.raises(InvalidValueError) as refused:
+        build(weights=(Tensor(), np.zeros((2, 3))))
+    assert refused.value.where == "weights[0]"
+    assert "detach" in refused.value.hint
+
+
+def test_networks_without_layers_are_refused_with_what_is_allowed() -> None:
+    with pytest.raises(InvalidValueError) as refused:
+        build(weights=(), biases=())
+    assert refused.value.allowed == "a whole number from 1 on"
 
 
 def test_wrong_files_are_named_with_their_array(tmp_path: Path) -> None:
