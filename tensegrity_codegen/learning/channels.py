@@ -23,6 +23,7 @@ from tensegrity_codegen.system.errors import (
 )
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.quantities import QUANTITIES
+from tensegrity_codegen.tables.quantities.arguments import INPUT_UNITS
 from tensegrity_codegen.tables.request import ModelRequest
 
 POSITION, VELOCITY = "node_position", "node_velocity"
@@ -51,11 +52,13 @@ def choose_actions(
         if actuator is not None:
             lengths = structure.rest_length[list(actuator.members)]
             low, high = actuator.range[0] - float(lengths.min()), actuator.range[1] - float(lengths.max())
+        least, most = low - 1e-9, high + 1e-9  # [m]
         low, high = check_pair(ranges.get(name, (low, high)), f"act: {name}", "least and largest input")
-        if not -np.inf < low < high < np.inf:
-            problem, location = "an action needs a range", f"{structure.name}: {name}"
+        if not least <= low < high <= most or np.isinf(high - low):
+            problem, location = "its range is infinite, empty or too wide", f"{structure.name}: {name}"
             value, hint = f"{low:g} to {high:g} of its input", RANGE_HINT.format(f"'{name}': (-0.1, 0.1)")
-            raise InvalidValueError(problem, where=location, given=value, allowed="finite ends", hint=hint)
+            allowed = f"finite ends from {least:g} to {most:g}"
+            raise InvalidValueError(problem, where=location, given=value, allowed=allowed, hint=hint)
         # The equations of a motor with a time constant limit its rate.
         rate = np.inf if actuator is None or actuator.time_constant else actuator.rate
         delay = 0.0 if actuator is None else actuator.delay
@@ -115,6 +118,7 @@ class Observations:
         """observe: nothing: all sensors and the commands; without sensors the state and the commands."""
         names = (sensor.name or f"sensors[{k}]" for k, sensor in enumerate(structure.sensors))
         self.sensors = dict(zip(names, structure.sensors, strict=True))
+        self.units = {source.name: INPUT_UNITS[source.kind] for source in structure.inputs}
         has_bodies = isinstance(structure, Structure) and bool(structure.bodies)
         usual = (*self.sensors, COMMAND) if self.sensors else OF_BODIES if has_bodies else OF_NODES
         try:
@@ -140,7 +144,7 @@ class Observations:
         texts = [k for k in self.texts if k.expression not in (*self.measured, COMMAND)]
         return *self.measured.values(), *find_kept_quantities(tuple(texts), request)
 
-    def bind(self, manifest: Manifest, n_actions: int) -> tuple[Observed, ...]:
+    def bind(self, manifest: Manifest, acted: Sequence[Acted]) -> tuple[Observed, ...]:
         """Return the parts with their sizes, for a library that has the quantities."""
         # Places and velocities of nodes are known whether or not the library computes them.
         size, specs = (len(manifest.node_name), 3), {spec.quantity: spec for spec in manifest.functions}
@@ -152,7 +156,8 @@ class Observations:
         self.results, observed = {}, []
         for kept_text, name in zip(self.texts, self.names, strict=True):
             if name == COMMAND:
-                observed.append(Observed(COMMAND, "m", n_actions))
+                units = {self.units[action.name] for action in acted}
+                observed.append(Observed(COMMAND, units.pop() if len(units) == 1 else "mixed", len(acted)))
             elif name in self.measured:
                 quantity, sensor = self.measured[name], self.sensors[name]
                 count = len(sensor.targets) * int(np.prod(shapes[quantity][1:]))

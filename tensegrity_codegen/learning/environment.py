@@ -66,7 +66,7 @@ def environment(
         and quantities and expressions over quantities as for `keep` of sweeps. By default all sensors and the
         commands; without sensors positions, axes of bodies, velocities and the commands.
     act : sequence of str or mapping, optional
-        Actuators that act, by default all; or inputs with least and largest value, ``{"push": (-5, 5)}``.
+        Actuators, by default all; or inputs with ranges, ``{"push": (-5, 5)}``, within those of the scene.
     reward, terminate : callable, optional
         Functions of an `EnvironmentStep` -> (n,): the reward, by default the progress along x, and whether an
         episode ends. ``lambda step: step.progress() - 0.1 * step.effort()`` is one,
@@ -98,7 +98,7 @@ def environment(
     MissingExtraError
         gymnasium is not installed.
     StructureError, InvalidValueError
-        Nothing can act, an action without a range, a key that cannot change at run time, a wrong option.
+        Nothing can act, an action without a range or beyond it, a key that cannot change, a wrong option.
     UnknownNameError
         An unknown observation, actuator or key.
     FormulationError
@@ -153,7 +153,7 @@ def environment(
     needs = Needs((*simulation_quantities(request.formulation), *contacts, *options["quantities"]))
     request = want_analyses(structure, request, ("step",), method=options["method"], besides=needs)
     model = build_library(structure, replace(request, flags="native"), calls=MANY_CALLS).load()
-    observed = observations.bind(model.manifest, len(acted))
+    observed = observations.bind(model.manifest, acted)
     description = Description(structure.name, float(sample), observed, acted, draws.texts)
     # Inputs before commands arrive.
     commands = dict(zip([a.name for a in acted], Actions(acted, sample, 1, False).first, strict=True))

@@ -91,6 +91,14 @@ def test_actions_are_the_actuators_or_inputs_with_ranges() -> None:
         ({}, "winsh", UnknownNameError, ("act", "did you mean 'winch'")),
         ({}, ["push"], InvalidValueError, ("push", "range = ")),
         ({}, {"winch": (0.1, 0.1)}, InvalidValueError, ("winch", "0.1 to 0.1")),
+        ({}, {"winch": (-5, 5)}, InvalidValueError, ("cord: winch", "-5 to 5 of", "-0.1 to 0.2")),
+        ({}, {"winch": (0, 0.21)}, InvalidValueError, ("cord: winch", "0 to 0.21 of", "-0.1 to 0.2")),
+        (
+            {"actuators": [{"name": "winch", "members": "c"}]},
+            {"winch": (-1.5, 0)},
+            InvalidValueError,
+            ("cord: winch", "-1 to inf"),
+        ),
         (
             {"actuators": [{"name": "winch", "members": "c"}]},
             None,

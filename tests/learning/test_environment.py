@@ -11,6 +11,7 @@ import pytest
 
 from tensegrity_codegen import (
     Description,
+    Observed,
     Policy,
     Profile,
     build_controller,
@@ -81,6 +82,7 @@ def test_wrappers_of_gymnasium_take_vector_environments() -> None:
 
 def test_steps_are_the_motion_that_simulate_finds() -> None:
     env = environment(CORD, 2, act={"winch": (-0.1, 0.2), "push": (-2, 2)}, stepper={"rtol": 1e-9})
+    assert env.description.observation[-1] == Observed("command", "mixed", 2)
     env.reset(seed=1)
     actions = np.random.default_rng(2).uniform(-1, 1, (10, 2, 2))
     commands = []
@@ -109,8 +111,9 @@ def test_steps_are_the_motion_that_simulate_finds() -> None:
 
 def test_rewards_are_progress_and_work_of_the_motion() -> None:
     """Of a weight that is lifted slowly the work is its weight times the way, and what the cord stores."""
+    scene = {**CORD, "actuators": [{**CORD["actuators"][0], "range": [0.8, 1.2]}]}
     env = environment(
-        CORD,
+        scene,
         1,
         reward=lambda step: step.progress([0, 0, 1]),
         act={"winch": (-0.2, 0.2)},
@@ -118,7 +121,7 @@ def test_rewards_are_progress_and_work_of_the_motion() -> None:
         seconds=60.0,
     )
     taken = environment(
-        CORD, 1, reward=lambda step: -step.effort(), act={"winch": (-0.2, 0.2)}, sample=0.002, seconds=60.0
+        scene, 1, reward=lambda step: -step.effort(), act={"winch": (-0.2, 0.2)}, sample=0.002, seconds=60.0
     )
     total = np.zeros(2)
     for place, instance in enumerate((env, taken)):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tensegrity_codegen import environment
+from tensegrity_codegen import Observed, environment
 from tensegrity_codegen.learning.episodes import DrawnNumbers, Streams
 from tensegrity_codegen.system.errors import (
     ConvergenceError,
@@ -97,6 +97,7 @@ def test_masses_and_inertias_of_rigid_bodies_are_drawn() -> None:
         BLOCK, 2, act={"push": (-1, 1)}, randomise=[texts[0], "gravity[2]=uniform(-2,-1)"], start="scene"
     )
     both.reset(seed=1)
+    assert both.description.observation[-1] == Observed("command", "N", 1)
     assert {"body_mass", "gravity"} <= {*both.stepper.arguments}
 
 
@@ -150,8 +151,8 @@ def test_positions_are_drawn_where_episodes_start_in_the_scene() -> None:
 
 
 def test_episodes_start_at_rest_under_the_first_commands() -> None:
-    scene = {**CORD, "actuators": [{**CORD["actuators"][0], "range": [1.1, 1.3]}]}
-    for act, length in ((None, 1.2), ({"winch": (-0.1, 0.1)}, 1.0)):
+    for least, act, length in ((1.1, None, 1.2), (0.9, {"winch": (-0.1, 0.1)}, 1.0)):
+        scene = {**CORD, "actuators": [{**CORD["actuators"][0], "range": [least, 1.3]}]}
         env = environment(scene, 2, act=act)
         env.reset(seed=1)
         np.testing.assert_allclose(env.stepper.coordinate[:, 2], -length - 0.5 * 9.81 / 80.0, rtol=1e-9)

@@ -259,6 +259,14 @@ def collect_policy(described: Described, policy: Policy, code: ControllerCode) -
     inputs: Sequence[Any] = structure.inputs
     members = {item.name: tuple(item.rest_length_gain) for item in inputs if item.rest_length_gain}
     for k, acted in enumerate(actions):
+        if acted.name in described.manifest.input_name and acted.name not in members:
+            raise InvalidValueError(
+                "a policy in C moves rest lengths alone",
+                where=f"policy.description.action[{k}]",
+                given=f"{acted.name}, which is a force or torque",
+                allowed="actuators and inputs that change rest lengths",
+                hint="run it in Python: policy(observation)",
+            )
         check_choice(acted.name, members, "actuator", f"policy.description.action[{k}]")
     centre, half, rate, delay = np.array([(a.centre, a.half_range, a.rate, a.delay) for a in actions]).T
     bounds = ActuatorBounds(

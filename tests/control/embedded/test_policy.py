@@ -344,6 +344,12 @@ def test_a_controller_that_is_built_again_runs_the_new_code(tmp_path: Path) -> N
         assert controller.read("action").tolist() == [0.5 * weight]
 
 
+def test_a_policy_that_pushes_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InvalidValueError, match="moves rest lengths alone") as refused:
+        build_on_mass(tmp_path, 0.1, "push")
+    assert "push" in str(refused.value.given)
+
+
 def change_action(**changes: Any) -> Policy:
     """Return a policy with another first action."""
     actions = (replace(ACTIONS[0], **changes), *ACTIONS[1:])
