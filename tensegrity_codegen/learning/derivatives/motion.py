@@ -94,12 +94,13 @@ class MotionFunction(Differentiable):
         return self._run_each(run, [values, tangents], count, self.outputs)
 
     def _pull(self, values: Rows, weights: Rows, count: int) -> Rows:
-        return self._run_each(self._go_back, [values, weights], count, values)
+        shapes = {name: self.inputs[name] for name in values}
+        return self._run_each(self._go_back, [values, weights], count, shapes)
 
     def _run_each(
-        self, run: Callable[..., Arrays], groups: list[Rows], count: int, names: Mapping[str, Any]
+        self, run: Callable[..., Arrays], groups: list[Rows], count: int, shapes: Mapping[str, Shape]
     ) -> Rows:
-        """Return rows of what `run` makes of each row of groups, on threads."""
+        """Return rows (count, *shape) by name of what `run` makes of each row of groups, on threads."""
 
         def run_one(k: int) -> Arrays:
             rows = [{name: rows[k % len(rows)] for name, rows in group.items()} for group in groups]
@@ -113,10 +114,9 @@ class MotionFunction(Differentiable):
 
         with ThreadPoolExecutor(self.threads) as pool:  # the calls into C hold no lock of Python's
             results = list((map if self.threads == 1 else pool.map)(run_one, range(count)))
-        shapes = {**self.inputs, **self.outputs}
         return {
-            name: np.stack([row.get(name, np.full(shapes[name], np.nan)) for row in results])
-            for name in names
+            name: np.stack([row.get(name, np.full(shape, np.nan)) for row in results])
+            for name, shape in shapes.items()
         }
 
     def _give(self, values: Arrays, tangents: Arrays) -> dict[str, Any]:

@@ -56,6 +56,9 @@ def test_a_motion_that_fails_raises_or_is_not_a_number(motions: CompiledModel) -
     for found in (function.evaluate(values)["velocity"], function.pull(values, weights)["rest_length"]):
         assert np.isnan(found).reshape(3, -1).all(axis=1).tolist() == [False, True, False]
         assert np.isfinite(found[[0, 2]]).all()
+    start = np.where([[False], [True]], np.nan, motions.nominal("coordinate"))  # an output too
+    found = function.pull({"coordinate": start}, {"coordinate": np.ones((2, 2, 6))})["coordinate"]
+    assert np.isnan(found).tolist() == [[False] * 6, [True] * 6]
     for bad, error in ((1e100, ConvergenceError), (np.nan, NonFiniteError)):
         start = {"velocity": np.array([0.0, -bad, 0.0, bad, 0.0, 0.0])}
         assert np.isnan(function.evaluate(start)["coordinate"]).all()
