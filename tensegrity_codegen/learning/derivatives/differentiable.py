@@ -119,10 +119,10 @@ class Differentiable(ABC):
         for group, (_, shape_of) in zip(arrays, groups, strict=True):
             rows.append({})
             for name, value in group.items():
-                shape = shape_of[name]
-                if value.size != np.prod(shape):  # otherwise one row for all
-                    value = np.broadcast_to(value, (*lead, *shape))
-                rows[-1][name] = value.reshape((-1, *shape))
+                shape, n_rows = shape_of[name], 1  # one row for all
+                if value.size != np.prod(shape):
+                    value, n_rows = np.broadcast_to(value, (*lead, *shape)), count
+                rows[-1][name] = value.reshape((n_rows, *shape))
         results = compute(*rows, count)
         return {
             name: np.array(np.broadcast_to(results[name], (count, *shape))).reshape((*lead, *shape))

@@ -32,6 +32,9 @@ from tensegrity_codegen.system.checks import check_instance, check_names
 from tensegrity_codegen.system.errors import ConvergenceError, InvalidValueError, check_choice
 from tensegrity_codegen.tables.quantities import OF_MOTIONS_BOTH_WAYS
 
+# Of the largest results and derivatives so far, weighed: a difference of both ways that is rounding.
+ROUNDING = 1e-10
+
 
 class MotionFunction(Differentiable):
     """Quantities at the samples of a motion, (n_t, ...), of its start, run-time parameters and inputs.
@@ -181,6 +184,7 @@ class MotionFunction(Differentiable):
     def _go_back(self, values: Arrays, weights: Arrays) -> dict[str, FloatArray]:
         """Return the gradient of weighed outputs, compared with that of the column along all numbers."""
         draw, way = np.random.default_rng(0), {}
+        weights = {name: weight for name, weight in weights.items() if weight.size}  # of internal states
         for name, value in values.items():
             sizes = np.full(value.shape, np.abs(value).max(initial=0.0) or INPUT_SIZE)
             if name not in (*START, "input", *self.knots):  # numbers of one kind may have different sizes
@@ -198,7 +202,12 @@ class MotionFunction(Differentiable):
         backward, size = (
             sum(float(f(product).sum()) for product in products.values()) for f in (np.asarray, np.abs)
         )
-        if not abs(forward - backward) <= MEANINGLESS * size:
+        rounding, run = 0.0, MotionSlopes(self.model, results.motion, {}, None, {})
+        for name, weight in weights.items():
+            flat = [np.abs(x).reshape(len(x), -1) for x in (weight, column[name], run.find(name))]
+            largest = np.maximum.accumulate(flat[1].max(axis=1) + flat[2].max(axis=1))
+            rounding += ROUNDING * float(flat[0].sum(axis=1) @ largest)
+        if not abs(forward - backward) - rounding <= MEANINGLESS * size:
             raise ConvergenceError(
                 "the derivative of the motion means nothing: backward it is another than forward",
                 where=self.where,

@@ -83,6 +83,38 @@ def test_a_derivative_that_is_another_backward_than_forward_is_refused(
     assert np.isnan(function.pull(values, weights)["rest_length"]).all()
 
 
+@pytest.mark.parametrize("output", ["coordinate", "velocity", "node_velocity"])
+@pytest.mark.parametrize("t_end", [0.05, 0.5])
+def test_a_derivative_that_is_zero_but_for_rounding_is_no_error(
+    motions: CompiledModel, monkeypatch: pytest.MonkeyPatch, output: str, t_end: float
+) -> None:
+    """The centre of mass of what flies does not know of forces between its nodes."""
+    function = MotionFunction(motions, t_end, outputs=(output,))
+    above = {"coordinate": motions.nominal("coordinate") + 5.0 * np.array([0.0, 1.0] * 3)}
+    numbers = {name: motions.nominal(name) for name in ("rest_length", "damping", "input")}
+    centre, one = np.zeros((2, *function.outputs[output]))
+    mass = np.array([0.3, 0.3, 0.4])
+    if output == "node_velocity":
+        centre[1, :, 2], one[1, 0, 2] = mass, 1.0
+    else:
+        centre[1, 1::2], one[1, 1] = mass, 1.0
+    found = function.pull(above | numbers, {output: centre})
+    for name in numbers:
+        np.testing.assert_allclose(found[name], 0.0, atol=1e-12, err_msg=name)
+    expected = np.array([0.0, 1.0] * 3) * np.repeat(mass, 2) * (output == "coordinate")
+    np.testing.assert_allclose(found["coordinate"], expected, atol=1e-12)
+    # The height of one node does, and a wrong derivative of it is refused.
+    assert np.abs(function.pull(above | numbers, {output: one})["rest_length"]).max() > 1e-3
+    forward = MotionFunction._differentiate
+    monkeypatch.setattr(
+        MotionFunction,
+        "_differentiate",
+        lambda *given: {name: 10.0 * array for name, array in forward(*given).items()},
+    )
+    with pytest.raises(ConvergenceError, match="means nothing"):
+        function.pull(above | numbers, {output: one})
+
+
 def test_what_a_library_lacks_is_named_with_what_to_compile(motions: CompiledModel) -> None:
     with without_optimisation():
         other = compile_scene(EXAMPLES / "two_nodes.toml", for_="simulate")
