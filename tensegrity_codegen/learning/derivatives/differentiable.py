@@ -68,22 +68,35 @@ class Differentiable(ABC):
         second_group = [dict(zip(second, arrays[len(names) :], strict=True))] if second else []
         return list(getattr(self, way)(values, *second_group).values())
 
-    def align(self, arrays: Mapping[str, Any]) -> dict[str, Any]:
-        """Return arrays of a framework with as many leading axes each, without those that nothing depends on.
+    def align(self, values: Mapping[str, Any], convert: Callable[[Any], Any]) -> dict[str, Any]:
+        """Return values, but None and what nothing depends on, as arrays with as many leading axes each.
 
-        Raises UnknownNameError for another argument, InvalidValueError for another shape.
+        convert: makes an array of a framework. Raises UnknownNameError for another argument,
+        InvalidValueError for another shape, what is no array of numbers, and axes that do not fit together.
         """
-        states = dict.fromkeys((*self.inputs, *self.ignored))
-        for name, array in arrays.items():
+        states, arrays = dict.fromkeys((*self.inputs, *self.ignored)), {}
+        for name, value in values.items():
+            if value is None:
+                continue
             check_choice(name, states, "argument", self.where)
-            shape, expected = tuple(array.shape), self.inputs.get(name, ())
+            expected = self.inputs.get(name, ())
+            where, allowed = f"{self.where}: {name}", f"{expected}, with any leading axes"
+            try:
+                arrays[name] = convert(value)
+            except (TypeError, ValueError, OverflowError, RuntimeError) as error:
+                problem = "not an array of real numbers"
+                raise InvalidValueError(problem, where=where, given=value, allowed=allowed) from error
+            shape = tuple(arrays[name].shape)
             if shape[len(shape) - len(expected) :] != expected or len(shape) < len(expected):
-                allowed = f"{expected}, with any leading axes"
-                raise InvalidValueError(
-                    "wrong shape", where=f"{self.where}: {name}", given=shape, allowed=allowed
-                )
+                raise InvalidValueError("wrong shape", where=where, given=shape, allowed=allowed)
         aligned = {name: array for name, array in arrays.items() if name in self.inputs}
         lead = {name: len(array.shape) - len(self.inputs[name]) for name, array in aligned.items()}
+        try:
+            np.broadcast_shapes(*[tuple(array.shape[: lead[name]]) for name, array in aligned.items()])
+        except ValueError as error:
+            shapes = ", ".join(f"{name} {tuple(array.shape)}" for name, array in aligned.items())
+            problem, allowed = "leading axes do not fit together", "those of one length, of 1, or none"
+            raise InvalidValueError(problem, where=self.where, given=shapes, allowed=allowed) from error
         rank = max(lead.values(), default=0)
         return {
             name: array.reshape((1,) * (rank - lead[name]) + tuple(array.shape))

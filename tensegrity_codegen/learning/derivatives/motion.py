@@ -41,8 +41,8 @@ class MotionFunction(Differentiable):
 
     t_end, samples, method, rtol, schedule: as of `simulate`; what a schedule names is an argument, of the
     shape of its knots. outputs: of START and OBSERVED. Raises FormulationError for a library without
-    derivatives of motions, ConvergenceError where a motion fails, or its derivative along all numbers is
-    another backward than forward.
+    derivatives of motions, UnknownNameError for a method that it lacks, ConvergenceError where a motion
+    fails, or its derivative along all numbers is another backward than forward.
     """
 
     def __init__(
@@ -62,6 +62,8 @@ class MotionFunction(Differentiable):
         call = 'compile_scene(..., for_="motion_derivatives")'
         require_quantities(model, OF_MOTIONS_BOTH_WAYS, f"derivatives of motions need: {call}")
         check_instance(schedule, (Profile, type(None)), "schedule", "a Profile, or None")
+        methods = [spec.name for spec in model.manifest.integrators if spec.adjoint_work]
+        check_choice(method, methods, f"method of this library ({call[:-1]}, method=...))", "method")
         self.schedule, self.stepping = schedule, Stepping(control="steps").with_method(method, rtol)
         times = read_motion(model, self.stepping, t_end, samples, None, schedule, None, None).sample_time
         self.options: dict[str, Any] = {"t_end": t_end, "samples": times, "method": method, "rtol": rtol}

@@ -87,7 +87,7 @@ def to_jax_motion(
         Compiled for ``"motion_derivatives"``, see compile_scene.
     t_end, samples, method, rtol
         As of `simulate`; method: ``"rk54"``, ``"tsit5"`` or ``"rk853"``.
-    outputs : sequence of str
+    outputs : str or sequence of str
         Quantities at the samples: ``"coordinate"``, ``"velocity"``, ``"internal"``, ``"node_position"``,
         ``"node_velocity"``, ``"member_length"``, ``"member_tension"``.
     schedule : Profile, optional
@@ -110,7 +110,7 @@ def to_jax_motion(
     FormulationError
         The library has no derivatives of motions.
     UnknownNameError, InvalidValueError
-        As `simulate`.
+        As `simulate`; a method that the library lacks.
 
     Notes
     -----
@@ -125,7 +125,7 @@ def to_jax_motion(
     >>> drop = to_jax_motion(model, 0.1, dtype="float32")  # doctest: +SKIP
     """
     options: dict[str, Any] = {"samples": samples, "method": method, "rtol": rtol, "schedule": schedule}
-    options |= {"outputs": tuple(outputs), "threads": threads, "on_error": on_error}
+    options |= {"outputs": outputs, "threads": threads, "on_error": on_error}
     return _build(MotionFunction(model, t_end, **options), dtype, dict)
 
 
@@ -135,6 +135,14 @@ def _build(
     check_choice(dtype, DTYPES, "dtype", "dtype")
     jax, jnp = import_extra("jax", JAX), import_extra("jax.numpy", JAX)
     outside = jnp.float64 if dtype == "float64" else jnp.float32
+
+    def convert(value: Any) -> Any:
+        """Return an array of JAX, which by itself takes texts and the real parts of complex numbers."""
+        leaves = jax.tree_util.tree_leaves(value)
+        arrays = [leaf if isinstance(leaf, jax.Array) else np.asarray(leaf) for leaf in leaves]
+        if any(array.dtype.kind not in "biufV" for array in arrays):  # V: of JAX, such as bfloat16
+            raise TypeError("no real numbers")
+        return jnp.asarray(value, outside)
 
     def call(coordinate: Any = None, velocity: Any = None, **arguments: Any) -> Any:
         """Return the values at arguments by name, those not given at the scene's."""
@@ -146,8 +154,7 @@ def _build(
                 hint='or dtype="float32", which rounds what goes in and out',
             )
         values = {"coordinate": coordinate, "velocity": velocity, **arguments}
-        arrays = {name: jnp.asarray(value, outside) for name, value in values.items() if value is not None}
-        values = function.align(arrays)
+        values = function.align(values, convert)
         options: dict[str, Any] = {"function": function, "names": tuple(values), "dtype": outside}
         results = _primitive("evaluate").bind(*values.values(), **options)
         return finish(dict(zip(function.outputs, results, strict=True)))

@@ -101,15 +101,16 @@ def _build(
     check_choice(dtype, DTYPES, "dtype", "dtype")
     torch = import_extra("torch", TORCH)
 
+    def convert(value: Any) -> Any:
+        tensor = torch.as_tensor(value)
+        if tensor.is_complex():
+            raise TypeError("no real numbers")
+        return tensor.to(getattr(torch, dtype))
+
     def call(coordinate: Any = None, velocity: Any = None, **arguments: Any) -> Any:
         """Return the values at arguments by name, those not given at the scene's."""
         values = {"coordinate": coordinate, "velocity": velocity, **arguments}
-        tensors = {
-            name: torch.as_tensor(value).to(getattr(torch, dtype))
-            for name, value in values.items()
-            if value is not None
-        }
-        values = function.align(tensors)
+        values = function.align(values, convert)
         results = _function("evaluate").apply(function, tuple(values), *values.values())
         return finish(dict(zip(function.outputs, results, strict=True)))
 

@@ -1,11 +1,30 @@
 """Functions with derivatives: points, and products forward and backward against differences."""
 
+from typing import Any
+
 import numpy as np
 
 from tensegrity_codegen.learning.derivatives.differentiable import Arrays, Differentiable
 from tensegrity_codegen.system.arrays import FloatArray
 
 Values = dict[str, FloatArray]
+# Arguments of the triangle that no function takes, and what is said of them.
+REFUSED: list[tuple[dict[str, Any], str]] = [
+    *(
+        ({name: value}, f"{name}: not an array of real numbers")
+        for name, value in (
+            ("rest_length", "0.5"),
+            ("rest_length", ["0.5"]),
+            ("rest_length", np.array(["0.5"], dtype=object)),
+            ("rest_length", np.array([0.5 + 1.0j])),
+            ("rest_length", [0.5 + 1.0j]),
+            ("rest_length", {}),
+            ("coordinate", [[1.0, 2.0], [1.0]]),
+        )
+    ),
+    ({"coordinate": np.zeros(7)}, r"wrong shape(.|\n)*\(7,\)"),
+    ({"coordinate": np.zeros((2, 6)), "velocity": np.zeros((3, 6))}, r"e \(2, 6\), velocity \(3, 6\)"),
+]
 
 
 def draw_points(function: Differentiable, lead: tuple[int, ...], shared: tuple[str, ...] = ()) -> Values:

@@ -124,3 +124,21 @@ def test_what_a_library_lacks_is_named_with_what_to_compile(motions: CompiledMod
         MotionFunction(motions, 0.1, outputs=("node_positions",))
     with pytest.raises(InvalidValueError, match="samples"):
         MotionFunction(motions, 0.1, samples=1)
+    for method in ("auto", "rodas", "rk4", "tsit5"):
+        with pytest.raises(UnknownNameError, match=r"motion_derivatives(.|\n)*allowed: rk853"):
+            MotionFunction(motions, 0.1, method=method)
+
+
+def test_outputs_are_one_name_or_more_and_may_be_empty() -> None:
+    with without_optimisation():
+        model = compile_scene(EXAMPLES / "two_nodes.toml", for_="motion_derivatives")
+    function = MotionFunction(model, 0.1, outputs="coordinate")
+    assert [*function.outputs] == ["coordinate"]
+    with pytest.raises(InvalidValueError, match="list of names"):
+        MotionFunction(model, 0.1, outputs=3)  # type: ignore[arg-type]
+    values, weights = {"coordinate": model.nominal("coordinate")}, {"coordinate": np.ones((2, 3))}
+    expected = function.pull(values, weights)["coordinate"]
+    function = MotionFunction(model, 0.1, outputs=("coordinate", "internal"))  # a scene without these
+    assert function.evaluate(values)["internal"].shape == (2, 0)
+    found = function.pull(values, weights | {"internal": np.zeros((2, 0))})["coordinate"]
+    np.testing.assert_array_equal(found, expected)

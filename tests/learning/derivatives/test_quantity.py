@@ -34,10 +34,10 @@ def test_omitted_arguments_are_at_the_scene_and_others_do_not_matter(quantities:
     assert [*function.inputs] == ["coordinate"]
     found = function.evaluate({})["member_length"]
     np.testing.assert_array_equal(found, quantities.compute("member_length"))
-    aligned = function.align({"coordinate": np.zeros(6), "velocity": np.zeros((4, 6))})
+    aligned = function.align({"coordinate": np.zeros(6), "velocity": np.zeros((4, 6))}, np.asarray)
     assert {name: value.shape for name, value in aligned.items()} == {"coordinate": (6,)}
     of_all = QuantityFunction(quantities, "acceleration")
-    aligned = of_all.align({"coordinate": np.zeros((2, 3, 6)), "rest_length": np.zeros((3, 1))})
+    aligned = of_all.align({"coordinate": np.zeros((2, 3, 6)), "rest_length": np.zeros((3, 1))}, np.asarray)
     assert {name: value.shape for name, value in aligned.items()} == {
         "coordinate": (2, 3, 6),
         "rest_length": (1, 3, 1),
@@ -64,8 +64,8 @@ def test_what_a_library_lacks_is_named_with_what_to_compile(quantities: Compiled
         QuantityFunction(quantities, "kinetic_energy")
     function = QuantityFunction(quantities, "acceleration")
     with pytest.raises(UnknownNameError, match="rest_length"):
-        function.align({"rest_lengths": np.zeros(1)})
+        function.align({"rest_lengths": np.zeros(1)}, np.asarray)
     with pytest.raises(InvalidValueError, match="leading axes"):
-        function.align({"coordinate": np.zeros(5)})
+        function.align({"coordinate": np.zeros(5)}, np.asarray)
     with pytest.raises(UnknownNameError, match="nan"):
         QuantityFunction(quantities, "acceleration", on_error="NaN")

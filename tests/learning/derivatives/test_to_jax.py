@@ -14,6 +14,7 @@ from tensegrity_codegen.learning.derivatives.to_jax import to_jax, to_jax_motion
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, MissingExtraError
+from tests.learning.derivatives.products import REFUSED
 from tests.learning.derivatives.test_motion import T_END
 
 BOTH = ("fwd", "rev")
@@ -179,6 +180,29 @@ def test_second_derivatives_and_single_precision_are_refused_by_name(
     assert found.dtype == np.float32
     np.testing.assert_allclose(found[0], exact, rtol=1e-4, atol=1e-2)
     assert jax.grad(lambda q: rounded(q).sum())(np.float32(q)).dtype == np.float32
+
+
+@pytest.mark.peers
+def test_a_motion_that_fails_has_no_gradient_and_others_have(jax: Any, motions: CompiledModel) -> None:
+    drop, q = to_jax_motion(motions, 0.05, outputs="coordinate", on_error="nan"), np.zeros((2, 6))
+    q[:] = motions.nominal("coordinate"), np.full(6, np.nan)
+    gradient = jax.grad(lambda q: drop(q)["coordinate"].sum())
+    assert np.isnan(jax.vmap(gradient)(q)).tolist() == [[False] * 6, [True] * 6]
+    assert np.isnan(gradient(q[1])).all()
+
+
+@pytest.mark.peers
+def test_arguments_that_are_no_real_numbers_of_this_shape_are_refused(
+    jax: Any, quantities: CompiledModel, motions: CompiledModel
+) -> None:
+    for function in (to_jax(quantities, "acceleration"), to_jax_motion(motions, 0.05)):
+        for arguments, problem in (*REFUSED, ({"coordinate": jax.numpy.ones(6) * 1j}, "real numbers")):
+            with pytest.raises(InvalidValueError, match=problem):
+                function(**arguments)
+    kept = to_jax(quantities, "acceleration", dtype="float32")(input=jax.numpy.zeros(1, "bfloat16"))
+    np.testing.assert_allclose(kept, quantities.compute("acceleration", input=[0.0]), rtol=1e-5, atol=1e-4)
+    with pytest.raises(InvalidValueError, match="list of names"):
+        to_jax_motion(motions, 0.05, outputs=3)  # type: ignore[arg-type]
 
 
 def test_the_package_is_named_where_it_is_missing(

@@ -9,7 +9,13 @@ import pytest
 from tensegrity_codegen.learning.derivatives.to_torch import to_torch, to_torch_motion
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.profile import Profile
-from tensegrity_codegen.system.errors import FormulationError, MissingExtraError, UnknownNameError
+from tensegrity_codegen.system.errors import (
+    FormulationError,
+    InvalidValueError,
+    MissingExtraError,
+    UnknownNameError,
+)
+from tests.learning.derivatives.products import REFUSED
 from tests.learning.derivatives.test_motion import T_END
 
 # Where PyTorch sets up forward derivatives, it uses what it no longer recommends.
@@ -85,6 +91,25 @@ def test_failures_types_and_second_derivatives(torch: Any, quantities: CompiledM
         torch.func.hessian(lambda q: function(q).sum())(q.detach()[0])
     with pytest.raises(UnknownNameError, match="float64"):
         to_torch(quantities, "acceleration", dtype="double")
+
+
+@pytest.mark.peers
+def test_a_motion_that_fails_has_no_gradient_and_others_have(torch: Any, motions: CompiledModel) -> None:
+    drop = to_torch_motion(motions, 0.05, outputs="coordinate", on_error="nan")
+    q = torch.tensor(np.stack([motions.nominal("coordinate"), np.full(6, np.nan)]))
+    gradient = torch.func.grad(lambda q: drop(q)["coordinate"].sum())
+    assert torch.isnan(torch.func.vmap(gradient)(q)).tolist() == [[False] * 6, [True] * 6]
+    assert torch.isnan(gradient(q[1])).all()
+
+
+@pytest.mark.peers
+def test_arguments_that_are_no_real_numbers_of_this_shape_are_refused(
+    torch: Any, quantities: CompiledModel, motions: CompiledModel
+) -> None:
+    for function in (to_torch(quantities, "acceleration"), to_torch_motion(motions, 0.05)):
+        for arguments, problem in (*REFUSED, ({"coordinate": torch.ones(6) * 1j}, "real numbers")):
+            with pytest.raises(InvalidValueError, match=problem):
+                function(**arguments)
 
 
 def test_the_package_is_named_where_it_is_missing(
