@@ -1,13 +1,13 @@
 """Robot steps a second at 50 Hz control beside MuJoCo, at one error a step.
 
-python benchmarks/environments.py [--rounds 5] [--robots 512] [--json FILE] [--write]   needs mujoco
+python benchmarks/environments.py [--rounds 5] [--robots 512] [--mjx] [--json FILE] [--write]   needs mujoco
 
 Two robots on a floor, made of rigid rods with a ball at each end and cables off their axes, a motor in every
 cable: three rods in nine cables, and six rods in 24 cables (SuperBall's layout). Both programs read the same
 MJCF. Motors get random commands, held over samples of 20 ms. An error is how far the ends of rods are, after
 one sample from a state of that program's own motion, from those of its own converged reference; what counts
 is the 95th percentile over states, 1e-4 m at most. Ours runs at the loosest tolerance that reaches it, MuJoCo
-at the longest step, with mujoco.rollout on as many threads, and at 2 ms beside it; MJX where it is installed,
+at the longest step, with mujoco.rollout on as many threads, and at 2 ms beside it; MJX by --mjx,
 at MuJoCo's step. Times are of
 the clock, medians over rounds that take turns.
 """
@@ -19,7 +19,6 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -372,7 +371,7 @@ def measure(robot: Robot, chosen: argparse.Namespace) -> list[dict[str, Any]]:
             n = max(threads * 4, min(chosen.robots, 200_000 // (count * 25) * threads))
             setting = f"{SAMPLE / count * 1e3:.2g} ms"
             add(f"MuJoCo {integrator}, {cone}", setting, error, prepare_peer(peer, count, n, 5))
-        if cone == "pyramidal" and find_spec("jax") and find_spec("mujoco.mjx"):
+        if chosen.mjx and cone == "pyramidal":
             mjx = Mjx(peer, best)
             error = share(mjx.find_error(*peer.at))
             setting = f"{SAMPLE / best * 1e3:.2g} ms"
@@ -391,6 +390,7 @@ def main() -> None:
     parser.add_argument("--robots", type=int, default=512, help="copies side by side")
     parser.add_argument("--states", type=int, default=64, help="states that errors are found at")
     parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--mjx", action="store_true", help="MJX too, which needs jax and mujoco-mjx; minutes")
     parser.add_argument("--json", type=Path, help="file for all rows")
     parser.add_argument("--write", action="store_true", help=f"write the figures into {DOCUMENT.name}")
     chosen = parser.parse_args()
