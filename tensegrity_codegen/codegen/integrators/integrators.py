@@ -30,7 +30,7 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, suggest
 from tensegrity_codegen.tables.integrators import INTEGRATORS, called_quantities, find_row
 from tensegrity_codegen.tables.integrators.integrator import Integrator
-from tensegrity_codegen.tables.manifest import SET_STATES, FunctionSpec, IntegratorSpec, Manifest
+from tensegrity_codegen.tables.manifest import FunctionSpec, IntegratorSpec, Manifest
 from tensegrity_codegen.tables.quantities import OF_COLUMNS, STATE, WEIGHT_OF, WEIGHTS
 from tensegrity_codegen.tables.tableaus.tableau import Row, Tableau
 
@@ -340,7 +340,7 @@ def _context(
             "batch_work_size": 0,
         }
     kernel = functions["acceleration"].arguments
-    has_set_states = any(manifest.subjects_of(kind) for kind in SET_STATES)
+    side_by_side = bool(spec.batch_work_size) and not manifest.needs_state_jacobian
     keeps_constraints = all(name in functions for name in PROJECTION)
     return {
         "name": spec.name,
@@ -363,8 +363,8 @@ def _context(
         "dense_title": row.dense_title,
         "tableau": _tableau_context(row.tableau) if row.tableau else None,
         "batch_work_size": spec.batch_work_size,
-        "copies_side_by_side": bool(spec.batch_work_size) and not has_set_states,
-        "copies_work": spec.work_size if has_set_states else spec.batch_work_size or spec.work_size,
+        "copies_side_by_side": side_by_side,
+        "copies_work": spec.batch_work_size if side_by_side else spec.work_size,
         "adjoint_work": spec.adjoint_work,
         "tape_row": spec.tape_row,
     }

@@ -243,15 +243,7 @@ class Stepper(Summarised):
             Inputs of another shape, or a sample out of range.
         """
         if inputs is not None:
-            array = to_doubles(inputs, "inputs", f"shape {self.inputs.shape}")
-            if array.shape not in (self.inputs.shape, self.inputs.shape[1:]):
-                raise InvalidValueError(
-                    "wrong shape",
-                    where="inputs",
-                    given=array.shape,
-                    allowed=f"{self.inputs.shape}, or {self.inputs.shape[1:]} for all copies alike",
-                )
-            self.inputs[:] = array
+            self.inputs[:] = _read_rows(inputs, self.inputs.shape, "inputs")
         if sample is not None:
             self._copies.sample = self.check_sample(sample)
         try:
@@ -317,6 +309,8 @@ class Stepper(Summarised):
             for name, value in given.items()
             if value is not None
         }
+        for name, array in starts.items():
+            check_finite(array, name)
         manifest = self.model.manifest
         is_plain = not (starts or self.model.has("consistent_coordinate") or manifest.internal_name)
         for place, row in enumerate(rows.tolist()):
@@ -478,12 +472,11 @@ def _list_arguments(model: CompiledModel) -> dict[str, FloatArray]:
     }
 
 
-def _read_rows(value: ArrayLike, shape: tuple[int, int], name: str) -> FloatArray:
-    """Return one row for each copy, finite; raises InvalidValueError, NonFiniteError."""
+def _read_rows(value: ArrayLike, shape: tuple[int, ...], name: str) -> FloatArray:
+    """Return one row for each copy; raises InvalidValueError."""
     array = to_doubles(value, name, f"shape {shape[1:]} or {shape}")
     if array.shape not in (shape, shape[1:]):
         raise InvalidValueError(
             "wrong shape", where=name, given=array.shape, allowed=f"{shape}, or {shape[1:]} for all alike"
         )
-    check_finite(array, name)
     return np.broadcast_to(array, shape)

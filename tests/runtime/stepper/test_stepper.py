@@ -25,6 +25,7 @@ from tensegrity_codegen.system.errors import (
 )
 from tests.cases import thorough
 from tests.free_body_cases import make_random
+from tests.ground_cases import make_block
 from tests.models import EXAMPLES, ROOT, simulator
 from tests.ring_cases import make_swing
 from tests.runtime.accuracy.test_contacts import draw, measure
@@ -73,6 +74,15 @@ def test_samples_are_those_of_simulate_to_its_told_error(seed: int) -> None:
 
     assert motion.error_estimate is not None
     assert measure(model, motion, Exact, "rk54", 1e-6) <= motion.error_estimate  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("structure", [make_swing(0.2), make_block([0.0, 0.0, 0.3], friction=0.0)])
+def test_what_slips_or_touches_is_stepped_through_its_events_and_not_in_lanes(structure: Structure) -> None:
+    model = simulator(structure, "rk54", copies=True, batch_width=8)
+    stepper = model.stepper(1, sample=0.05, rtol=1e-9, stepping=Stepping(atol=1e-11))
+    run(stepper, samples=12)
+    exact = simulate(model, 0.6, samples=2, method="rk54", rtol=1e-10)
+    assert stepper.coordinate[0] == pytest.approx(exact.coordinate[-1], abs=1e-7)
 
 
 @cache
