@@ -15,6 +15,8 @@ from tests.cases import thorough
 from tests.codegen.build_c import STRICT, check_sanitized, run_program, write_files
 from tests.codegen.subjects import bare, everything
 from tests.free_body_cases import make_random
+from tests.ground_cases import make_block
+from tests.ring_cases import make_swing
 from tests.scene.samples import build
 
 DRIVER = """\
@@ -142,6 +144,24 @@ def test_the_sanitizers_find_nothing_and_bad_copies_disturb_none(
     check_sanitized(tmp_path, "driver.c", f"{manifest.name}.c")
     found = run_program(tmp_path, "-std=c99", "-O1", *STRICT, "-Wunused", "driver.c", f"{manifest.name}.c")
     assert found == "done\n"
+
+
+@pytest.mark.parametrize(
+    ("structure", "called"),
+    [
+        (bare()[0], "_batch("),
+        (make_swing(0.2), "_run("),
+        (make_block([0.0, 0.0, 0.3], friction=0.0), "_run("),
+    ],
+)
+def test_lanes_are_for_what_has_neither_contacts_nor_memory(structure: Structure, called: str) -> None:
+    """Their steps pass over the events at which others are cut."""
+    quantities = ("acceleration", "member_tension")
+    request = ModelRequest(quantities, integrators=("rk54",), copies=True, events=AUTO_EVENTS, batch_width=4)
+    source = emit(structure, request)
+    text = source.files[f"{source.manifest.name}.c"]
+    body = text.partition("static void rk54_advance_copies(")[2].partition("\n}")[0]
+    assert [word for word in ("_batch(", "_run(") if word in body] == [called]
 
 
 def test_libraries_without_copies_have_nothing_of_them() -> None:

@@ -77,7 +77,7 @@ def test_samples_are_those_of_simulate_to_its_told_error(seed: int) -> None:
 
 
 @pytest.mark.parametrize("structure", [make_swing(0.2), make_block([0.0, 0.0, 0.3], friction=0.0)])
-def test_what_slips_or_touches_is_stepped_through_its_events_and_not_in_lanes(structure: Structure) -> None:
+def test_what_slips_or_touches_moves_as_by_simulate_in_libraries_with_lanes(structure: Structure) -> None:
     model = simulator(structure, "rk54", copies=True, batch_width=8)
     stepper = model.stepper(1, sample=0.05, rtol=1e-9, stepping=Stepping(atol=1e-11))
     run(stepper, samples=12)
