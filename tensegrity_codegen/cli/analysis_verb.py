@@ -29,7 +29,8 @@ LoadOption = Annotated[
     list[str] | None,
     typer.Option(
         "--load",
-        help="Load NODE=fx,fy,fz [N] added to the scene's (planar scene: two numbers); may be repeated.",
+        help="Load NODE=fx,fy,fz [N] added to the scene's (planar scene: two numbers); NODE may be a pattern "
+        "such as top*, each of whose nodes gets the load; may be repeated.",
     ),
 ]
 

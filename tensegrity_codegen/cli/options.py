@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -108,26 +109,29 @@ def _own_form(axes: Sequence[int]) -> str:
 def parse_loads(
     texts: list[str], structure: "Structure | BodySystem", option: str = "--load"
 ) -> "NDArray[np.float64]":
-    """Return loads (n_nodes, 3) [N] of "NODE=fx,fy,fz" texts; several on one node add up."""
+    """Return loads (n_nodes, 3) [N] of "NODE=fx,fy,fz" texts, NODE a name or a pattern; loads add up."""
     import numpy as np
 
     loads = np.zeros((structure.n_nodes, 3))
     index = {name: node for node, name in enumerate(structure.node_name)}
     for entry in texts:
-        name, equals, vector = entry.partition("=")
+        pattern, equals, vector = entry.partition("=")
         if not equals:
             allowed, hint = "NODE=fx,fy,fz" + _own_form(structure.axes), "for example t1=0,0,-10"
             raise InvalidValueError("not a load", where=option, given=entry, allowed=allowed, hint=hint)
-        if name.strip() not in index:
-            allowed, hint = "a node of the scene", suggest(name, index)
-            raise UnknownNameError("unknown node", where=option, given=name, allowed=allowed, hint=hint)
-        force = np.array(parse_vector(vector, f"{option} {name}", structure.axes))
+        exact = index.get(pattern.strip())
+        alike = [node for name, node in index.items() if fnmatchcase(name, pattern.strip())]
+        nodes = alike if exact is None else [exact]
+        if not nodes:
+            allowed, hint = "a node of the scene, or a pattern such as t*", suggest(pattern, index)
+            raise UnknownNameError("unknown node", where=option, given=pattern, allowed=allowed, hint=hint)
+        force = np.array(parse_vector(vector, f"{option} {pattern}", structure.axes))
         dropped = [axis for axis in range(3) if axis not in structure.axes and force[axis] != 0.0]
         if dropped:
             problem = "a load on an axis that the scene does not model"
             allowed = f"forces along {', '.join('xyz'[axis] for axis in structure.axes)}"
-            raise InvalidValueError(problem, where=f"{option} {name}", given=vector, allowed=allowed)
-        loads[index[name.strip()]] += force
+            raise InvalidValueError(problem, where=f"{option} {pattern}", given=vector, allowed=allowed)
+        loads[nodes] += force
     return loads
 
 

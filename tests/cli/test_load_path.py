@@ -28,6 +28,16 @@ def test_the_path_ends_at_the_first_contact(run: Run, prism: Path) -> None:
     assert "7.5603868" in said.out
 
 
+def test_a_pattern_loads_every_node_that_it_names(run: Run, prism: Path) -> None:
+    one_by_one = [word for node in ("t1", "t2", "t3") for word in ("--load", f"{node}=0,0,-1")]
+    runs = [
+        run.good("load-path", prism, *words, "--most", 2, "--json").data
+        for words in (one_by_one, ("--load", "t*=0,0,-1"))
+    ]
+    assert runs[0]["smallest_eigenvalue"] == runs[1]["smallest_eigenvalue"]
+    assert runs[0]["load_factor"] == runs[1]["load_factor"]
+
+
 @pytest.mark.thorough
 def test_the_path_goes_on_where_it_is_told_to(run: Run, prism: Path) -> None:
     data = run("load-path", prism, *DOWN, "--most", 8, "--past-contact", "--json").data
