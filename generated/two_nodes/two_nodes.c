@@ -13,7 +13,7 @@
 const two_nodes_description two_nodes_descriptor = {
     3, "two_nodes", "baa6e131439763bb1f56ab0138e11d096b33060004055dc180dc61cb16adf534", "node_position", "unrolled",
         "double",
-    "tensegrity_codegen 0.3.0, casadi 3.8.2"};
+    "tensegrity_codegen 0.4.0, casadi 3.8.2"};
 
 /* This file runs on every machine of an architecture: there are no instruction sets to check for. */
 #if defined(TENSEGRITY_NATIVE)
