@@ -1,4 +1,4 @@
-"""The verbs on the scene of docs/plastic.md, and what the page says of it."""
+"""The verbs on the scene of docs/memory.md, and what the page says of it."""
 
 import csv
 import re
@@ -8,7 +8,7 @@ import pytest
 
 from tests.cli.conftest import Run
 
-PAGE = (Path(__file__).parents[2] / "docs/plastic.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs/memory.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture
