@@ -77,6 +77,7 @@ EXITS = {
 SCENES = {
     "README.md": ("prism",),
     "docs/control.md": ("prism12", "pinned_prism"),
+    "docs/derivatives.md": ("prism",),
     "docs/embedding.md": ("prism", "prism12", "pinned_prism"),
     "docs/export.md": ("prism", "pinned_prism"),
     "docs/fmu.md": ("prism",),
