@@ -12,8 +12,9 @@ from tensegrity_codegen.control.feedback.lqr import design_lqr
 from tensegrity_codegen.control.feedback.mpc import HORIZON
 from tensegrity_codegen.control.feedback.study.linear_loop import design_slow_estimator
 from tensegrity_codegen.control.feedback.study.read_files import read_path, read_weights
-from tensegrity_codegen.control.feedback.study.stated_errors import HELD_TIME, check_times
+from tensegrity_codegen.control.feedback.study.stated_errors import check_times
 from tensegrity_codegen.control.feedback.study.tuning import (
+    HELD_TIME,
     Tuning,
     choose_weights,
     design_limited,

@@ -16,6 +16,7 @@ from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance, 
 from tensegrity_codegen.control.feedback.loop.tension_distribution import design_distribution
 from tensegrity_codegen.control.feedback.lqr import design_lqr
 from tensegrity_codegen.control.feedback.mpc import design_mpc
+from tensegrity_codegen.control.feedback.study.tuning import choose_weights
 from tensegrity_codegen.pipeline.compile_scene import compile_scene
 from tensegrity_codegen.runtime.linear.linearize import linearize
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -77,6 +78,13 @@ def test_a_push_of_three_newtons_is_held(robot: CompiledModel, stands: Equilibri
     moving = [np.abs(run.velocity[run.time > 1.0]).max() for run in (without, held)]
     assert moving[1] < 0.5 * moving[0]
     assert held.worst_error(0.2) < 0.7 * without.worst_error(0.2)  # feet have slipped a little in both
+
+
+def test_weights_of_an_equilibrium_are_those_of_two_seconds_at_rest(
+    robot: CompiledModel, stands: Equilibrium
+) -> None:
+    rest = build_rest(robot, stands, 2.0)
+    np.testing.assert_array_equal(choose_weights(robot, stands).Q, choose_weights(robot, rest).Q)
 
 
 def test_balls_that_roll_do_not_slip(robot: CompiledModel, stands: Equilibrium) -> None:

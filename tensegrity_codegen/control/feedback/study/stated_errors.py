@@ -26,7 +26,6 @@ from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
 
 STIFFNESSES = ("axial_stiffness", "spring_constant")
 PROBE, HELD_WITHIN = 1e-3, 1e-8  # change of coordinates [m, rad], and of the position of a held node [m]
-HELD_TIME = 2.0  # [s], of an equilibrium
 SIMULATED_PART = 3.0  # simulated time over that of the motion
 # Time constants of the slowest error, from the end of the motion until errors are compared.
 COMPARED_CONSTANTS = 3.0

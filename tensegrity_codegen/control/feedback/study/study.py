@@ -33,7 +33,6 @@ from tensegrity_codegen.control.feedback.study.linear_loop import (
     predict_errors,
 )
 from tensegrity_codegen.control.feedback.study.stated_errors import (
-    HELD_TIME,
     DrawnErrors,
     Draws,
     StatedErrors,
@@ -45,7 +44,7 @@ from tensegrity_codegen.control.feedback.study.stated_errors import (
     read_draws,
     read_times,
 )
-from tensegrity_codegen.control.feedback.study.tuning import Tuning, choose_weights
+from tensegrity_codegen.control.feedback.study.tuning import HELD_TIME, Tuning, choose_weights
 from tensegrity_codegen.runtime.model.arguments import merge_inputs
 from tensegrity_codegen.runtime.model.interface import require_model
 from tensegrity_codegen.runtime.model.model import CompiledModel

@@ -12,6 +12,7 @@ import numpy as np
 
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import (
+    build_rest,
     check_independent,
     check_motion,
     linearise,
@@ -27,12 +28,14 @@ from tensegrity_codegen.runtime.model.interface import name_states, require_mode
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.checks import check_instance, check_positive
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.tables.manifest import Manifest
 
+HELD_TIME = 2.0  # [s], of an equilibrium
 TOLERANCE = 0.05  # of the size of the structure: displacement that is accepted for a moment
 EFFORT = 0.05  # of this displacement: change of a rest length
 SUMMED_TIMES = 1.0  # response times for which the displacement is accepted
@@ -136,7 +139,7 @@ class Tuning:
 
 def choose_weights(
     model: CompiledModel,
-    motion: Motion,
+    motion: Motion | Equilibrium,
     *,
     sample: float = 0.005,
     tolerance: float | None = None,
@@ -151,8 +154,8 @@ def choose_weights(
     ----------
     model : CompiledModel
         Compiled for ``"control"``, see compile_scene.
-    motion : Motion
-        The motion to hold.
+    motion : Motion or Equilibrium
+        The motion, or the equilibrium to hold for 2 s.
     sample : float [s]
         Time between two commands.
     tolerance : float, optional [m]
@@ -202,6 +205,8 @@ def choose_weights(
     """
     require_model(model)
     check_independent(model)
+    if not isinstance(motion, Motion):
+        motion = build_rest(model, motion, HELD_TIME, arguments)
     check_motion(model, motion)
     require_quantities(model, ("state_jacobian", "input_jacobian"), "the design of feedback needs")
     step = check_positive(sample, "sample", "[s]")
