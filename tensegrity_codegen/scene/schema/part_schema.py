@@ -48,38 +48,50 @@ class GroundTable(Table):
     """A plane that nodes touch, with friction."""
 
     normal: Vector | None = Field(
-        None, description="Normal out of the ground; normalised. Default: the last axis of the scene."
+        None,
+        description="Normal out of the ground within the axes of the scene; normalised. Default: the last "
+        "axis.",
     )
     slope_deg: Annotated[float, Field(gt=-90, lt=90, allow_inf_nan=False)] | None = Field(
         None,
-        description="Slope [deg], in place of normal: the ground descends along the first axis of the scene.",
+        description="Slope [deg], in place of normal: the ground descends along the first axis of the "
+        "scene, the last axis is up.",
     )
     offset: Number = Field(0.0, description="Normal times position, of the points of the plane [m].")
     velocity: Vector | None = Field(
-        None, description="Velocity of the ground's surface along the plane, as of a belt [m/s]; default 0."
+        None,
+        description="Velocity of the ground's surface along the plane, as of a belt [m/s]; default 0. A part "
+        "along the normal up to 1e-6 of it is removed as rounding.",
     )
     contacts: Contacts = Field(
         "all",
         description='Nodes that can touch the ground: "all" that can move along its normal, and points of '
-        'bodies with a radius; or a list of names and "body.point".',
+        'bodies with a radius; or a list of names and "body.point". Of bodies with angles "all" has neither '
+        "centres of mass nor ends of bars that another body holds. Anchored nodes cannot be contacts.",
     )
     radius: ContactRadius = Field(
-        0.0, description='Radius of the ball about each contact [m]; "bar": of the bar that ends there.'
+        0.0,
+        description='Radius of the ball about each contact [m]; "bar": the largest radius of the bars that '
+        "end there, 0 where none does, so that bars touch as capsules.",
     )
     stiffness: Positive | None = Field(
         None, description="Contact stiffness k [N/m]; [N/m^1.5] with exponent 1.5. Or `penetration`."
     )
     penetration: Positive | None = Field(
-        None, description="Penetration at which the contacts carry equal parts of the weight [m]; gives k."
+        None,
+        description="Penetration d at which the n contacts carry equal parts of the weight W along the "
+        "normal [m]: k = W / (n d^p).",
     )
     exponent: Exponent = Field(
-        1.0, description="Exponent p of the penetration d in the normal force k d^p (1 + a d'): 1 or 1.5."
+        1.0,
+        description="Exponent p of the penetration d in the normal force k d^p (1 + a d'): 1, or 1.5 as "
+        "between a sphere and a plane (Hertz).",
     )
     restitution: Restitution | None = Field(
         None, description="Restitution at one speed, { value, speed }, which gives a. Or `dissipation`."
     )
     dissipation: NotNegative | None = Field(
-        None, description="Dissipation a of impacts in the normal force [s/m]; default 0."
+        None, description="Dissipation a of impacts in the normal force (Hunt and Crossley) [s/m]; default 0."
     )
     friction: NotNegative = Field(0.0, description="Coefficient of friction mu.")
     static_friction: NotNegative | None = Field(
@@ -87,10 +99,14 @@ class GroundTable(Table):
         description="Coefficient up to which a contact sticks, at least `friction`, which is the default.",
     )
     stick_stiffness: Positive | None = Field(
-        None, description="Tangential stiffness of a sticking contact [N/m]; default: the normal stiffness."
+        None,
+        description="Tangential stiffness kt of a sticking contact [N/m]; default: the normal stiffness k, "
+        "with exponent 1.5 the slope of the normal force at rest, 1.5 k^(2/3) (W/n)^(1/3).",
     )
     stick_damping: Positive | None = Field(
-        None, description="Tangential damping of a sticking contact [N s/m]; default: critical damping."
+        None,
+        description="Tangential damping of a sticking contact [N s/m]; default: critical damping of the mean "
+        "contact, 2 sqrt(kt m).",
     )
 
 
@@ -137,7 +153,7 @@ class Node(Table):
     """One point: where it is, what it weighs, on which axes it is held."""
 
     position: Vector = Field(description="Position [m]: 3 numbers, or one for each modelled axis.")
-    mass: Positive | None = Field(None, description="Point mass [kg]; bars add their own.")
+    mass: Positive | None = Field(None, description="Point mass [kg]; bars and cables add their own.")
     anchored: Anchored = Field(
         False, description='Anchored: true (all axes), false, or the anchored axes, for example "xz".'
     )
@@ -159,7 +175,8 @@ class RestLengthInput(Table):
     members: References = Field(description="Names of members, groups or classes.")
     gain: Gains | None = Field(
         None,
-        description="Change of rest lengths for one unit of u, one number for each of `members`; default 1.",
+        description="Change of rest lengths for one unit of u, one number for each of `members`; default 1. "
+        "Of a cable in segments that of the whole.",
     )
 
 
@@ -168,7 +185,9 @@ class TemperatureInput(Table):
 
     kind: Literal["temperature"] = Field(description="Kind of input.")
     name: Name = Field(description="Name of the input.")
-    members: References = Field(description="Names of members, groups or classes.")
+    members: References = Field(
+        description="Names of members, groups or classes, with a `thermal_expansion`."
+    )
 
 
 class ForceInput(Table):
@@ -277,7 +296,9 @@ class BodySensor(Table):
 class MemberLimits(Table):
     """Limits of members."""
 
-    least_tension: NotNegative | None = Field(None, description="Least tension of cables [N].")
+    least_tension: NotNegative | None = Field(
+        None, description="Least tension of cables [N], at most `most_tension` of the same member."
+    )
     most_tension: Positive | None = Field(
         None, description="Largest tension [N]; for all members: of cables."
     )
@@ -286,7 +307,9 @@ class MemberLimits(Table):
     )
     buckling: SafetyFactor | None = Field(
         None,
-        description="Bars do not buckle (Euler, pinned ends): true, or a safety factor from 1; needs radius.",
+        description="Bars do not buckle: the compression times the safety factor (true: 1) is at most "
+        "Euler's load pi^2 E I / l^2 of pinned ends; false: Euler's load is not looked at. A number needs "
+        "bars with a radius and a stiffness.",
     )
 
 

@@ -48,8 +48,12 @@ from tensegrity_codegen.system.summaries import Fact, Summarised, count_names
 class SceneParts(Table):
     """Nodes, members and groups: those of a shape, and those that a scene adds to it."""
 
-    nodes: dict[Name, Node] = Field(default_factory=dict, description="Nodes by name.")
-    members: dict[Name, Member] = Field(default_factory=dict, description="Members by name.")
+    nodes: dict[Name, Node] = Field(
+        default_factory=dict, description="Nodes by name; added to those of the shape."
+    )
+    members: dict[Name, Member] = Field(
+        default_factory=dict, description="Members by name; added to those of the shape."
+    )
     groups: dict[Name, References] = Field(
         default_factory=dict, description="Named sets of members, by name: lists of member names."
     )
@@ -75,23 +79,27 @@ class Scene(Summarised, SceneParts):
     )
 
     name: SceneName = Field(description="Name of the scene: the prefix of all names in the generated C.")
-    axes: Axes = Field("xyz", description='Modelled axes; two or one of them make a planar scene, as "xz".')
+    axes: Axes = Field(
+        "xyz",
+        description="Modelled axes. On the others all nodes have the same value, and vectors are 0.",
+    )
     large: bool = Field(
         False, description="Members of 50 m and more are meant: no warning asks for lengths in mm."
     )
-    gravity: Vector | None = Field(None, description="Gravity vector [m/s2], as [0, 0, -9.81]; default none.")
+    gravity: Vector | None = Field(None, description="Gravity vector [m/s2], as [0, 0, -9.81].")
     model: ModelOptions = Field(
         default_factory=ModelOptions, description="Formulation, quantities and other options."
     )
     parameters: Parameters = Field(
-        default_factory=Parameters, description="Values that may change at run time; default none."
+        default_factory=Parameters, description="Values that may change at run time."
     )
     classes: dict[Name, MemberClass] = Field(
         default_factory=dict, description="Member classes by name: values that many members share."
     )
     shape: Shape | None = Field(None, description="A shape, which generates nodes and members.")
     bodies: dict[Name, BodyTable] = Field(
-        default_factory=dict, description="Rigid bodies by name, in place of nodes and members."
+        default_factory=dict,
+        description="Bodies by name: rigid ones beside nodes and members; or all bodies, with tendons.",
     )
     tendons: dict[Name, Tendon] = Field(
         default_factory=dict, description="Cables between points of bodies, by name."
@@ -105,9 +113,7 @@ class Scene(Summarised, SceneParts):
     interference: Interference = Field(
         default_factory=Interference, description="Which bars may touch; default all that have a radius."
     )
-    ground: GroundTable | None = Field(
-        None, description="A plane that nodes touch, with friction; default none."
-    )
+    ground: GroundTable | None = Field(None, description="A plane that nodes touch, with friction.")
     loads: Annotated[
         tuple[
             Annotated[
@@ -130,7 +136,7 @@ class Scene(Summarised, SceneParts):
         ],
         Strict(False),
     ] = Field(
-        (), description="Actuated inputs: rest-length changes and forces, in the order of the input vector."
+        (), description="Values that are set at run time, 0 in the scene, in the order of the input vector."
     )
     actuators: Annotated[tuple[ActuatorTable, ...], Strict(False)] = Field(
         (), description="Motors that change rest lengths; inputs after those of `inputs`."

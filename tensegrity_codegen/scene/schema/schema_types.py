@@ -126,7 +126,8 @@ class MemberValues(Table):
         None, description="Young's modulus E [Pa]; needs a section or radius; axial_stiffness = E A."
     )
     switch_elongation: Number | None = Field(
-        None, description="Elongation at which the slope of a bilinear member switches [m], not 0."
+        None,
+        description="Elongation at which the slope of a bilinear member switches [m], not 0; of cables > 0.",
     )
     switch_force: Number | None = Field(
         None, description="Tension at which the slope of a bilinear member switches [N], not 0."
@@ -135,10 +136,11 @@ class MemberValues(Table):
         None, description="Slope of a bilinear member beyond the switch over that before it."
     )
     yield_elongation: Positive | None = Field(
-        None, description="Elongation at which plastic flow of a member begins [m]; so does compression."
+        None,
+        description="Elongation at which plastic flow of a member begins [m]; in compression at minus this.",
     )
     yield_force: Positive | None = Field(
-        None, description="Tension at which plastic flow of a member begins [N]; so does compression."
+        None, description="Tension at which plastic flow of a member begins [N], in place of the elongation."
     )
     hardening: Annotated[float, Field(ge=0, lt=1, allow_inf_nan=False)] | None = Field(
         None, description="Slope of a plastic member in flow over that before it, below 1; default 0."
@@ -154,21 +156,27 @@ class MemberValues(Table):
     relaxed_fraction: Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)] | None = Field(
         None, description="Stiffness of a viscous member after infinite time over that at once, 0 to 1."
     )
-    rest_length: Positive | None = Field(None, description="Length without tension [m].")
+    rest_length: Positive | None = Field(
+        None, description="Length without tension [m]; default the length at the stated positions."
+    )
     prestress: Number | None = Field(
         None, description="Tension at the stated node positions [N], positive in tension."
     )
     strain: Annotated[float, Field(gt=-1, allow_inf_nan=False)] | None = Field(
-        None, description="(length - rest_length) / rest_length at the stated node positions."
+        None,
+        description="(length - rest_length) / rest_length at the stated node positions, above -1.",
     )
     damping: NotNegative | None = Field(
-        None, description="Damping constant c [N s/m]: adds c times the rate of length to the tension."
+        None,
+        description="Damping constant c [N s/m]: adds c times the rate of length to the tension; default 0.",
     )
     thermal_expansion: Number | None = Field(
-        None, description="Coefficient of thermal expansion alpha [1/K], for inputs of temperature."
+        None,
+        description="Coefficient of thermal expansion alpha [1/K], for inputs of temperature; negative where "
+        "it contracts.",
     )
     mass: Positive | None = Field(
-        None, description="Own mass [kg]: of a bar spread evenly, of a cable half at each end."
+        None, description="Own mass [kg]: of a bar spread evenly, of a cable half at each end; default 0."
     )
     mass_per_length: Positive | None = Field(
         None, description="Cables only: mass for each metre of rest length [kg/m]."
@@ -188,7 +196,7 @@ class MemberValues(Table):
     )
     radius: Positive | None = Field(None, description="Outer radius of the round section [m].")
     inner_radius: NotNegative | None = Field(
-        None, description="Bars only: inner radius of a tube [m], less than radius."
+        None, description="Bars only: inner radius of a tube [m], less than radius; default 0."
     )
     tension_only: bool | None = Field(
         None, description="Cables only: no force when slack (default true); false makes a two-sided spring."

@@ -54,7 +54,9 @@ class ShapeModel(BaseModel, ABC):
 
     node_mass: Positive | None = Field(None, description="Point mass of every node [kg]; bars add their own.")
     on_facet: Annotated[list[str], Field(min_length=3, max_length=3)] | None = Field(
-        None, description="Three nodes of a facet of the hull that the shape stands on, at z = 0."
+        None,
+        description="Three nodes: the shape is turned so that this facet of its hull lies at z = 0 about the "
+        "origin, all other nodes above.",
     )
 
     @classmethod

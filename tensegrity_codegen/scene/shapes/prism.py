@@ -62,8 +62,9 @@ class PrismShape(ShapeModel):
     vertical_class: ClassName = Field("cable", description="Class of the cables between the rings.")
     opposite_class: ClassName | None = Field(
         None,
-        description="Class of the opposite cables, which mirror the verticals; none: there are none. "
-        "They need `twist`.",
+        description="Class of the opposite cables from b_i to t_(i+1), which mirror the verticals from b_i "
+        "to t_(i-1); none: there are none. With them the symmetrical self-stress has all cables in tension "
+        "for every `twist` from 90 + 180/bars to 270 - 180/bars (or minus these), which is then required.",
     )
     prestress: Positive | None = Field(
         None, description="Largest cable tension [N] of the self-stress that the members are given."

@@ -47,7 +47,7 @@ def test_the_table_of_quantities_is_written_from_the_records(update_golden: bool
         for places in [[name for name, quantities in of.items() if row.name in quantities]]
     ]
     head = ("quantity", "unit", "shape", "formulations", "meaning")
-    check_table("scene.md", "quantities", head, rows, update_golden)
+    check_table("quantities.md", "quantities", head, rows, update_golden)
 
 
 @pytest.mark.parametrize(
