@@ -7,24 +7,14 @@ import re
 import shutil
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 import pytest
 import typer
-from pydantic import BaseModel
 
 from tensegrity_codegen.cli.app import app
-from tensegrity_codegen.scene.assemble.assemble import assemble
-from tensegrity_codegen.scene.checks.scene_warnings import find_warnings
-from tensegrity_codegen.scene.read import parse_scene
-from tensegrity_codegen.scene.schema import body_schema, part_schema, schema
-from tensegrity_codegen.scene.shapes.icosahedron import IcosahedronShape
-from tensegrity_codegen.scene.shapes.prism import PrismShape
-from tensegrity_codegen.scene.shapes.tower import TowerShape
-from tensegrity_codegen.scene.shapes.two_nodes import TwoNodeShape
 from tensegrity_codegen.tables.manifest import ALL_STATUS
-from tensegrity_codegen.tables.quantities import PARAMETERS, QUANTITIES
+from tensegrity_codegen.tables.quantities import QUANTITIES
 from tests.cli.test_startup import HEAVY, find_loaded
 from tests.test_english import MODULES, parse
 
@@ -321,93 +311,6 @@ def test_the_map_of_folders_names_every_room() -> None:
 def test_the_citation_has_the_version_and_date_of_the_latest_release() -> None:
     version, date = re.findall(r"^## \[([\d.]+)\] - (\S+)$", document("CHANGELOG.md"), re.MULTILINE)[0]
     assert f"\nversion: {version}\ndate-released: {date}\n" in document("CITATION.cff")
-
-
-def test_the_scene_of_the_scene_page_is_sound() -> None:
-    text = re.search(r"```toml\n(.*?)```", document("docs/scene.md"), re.DOTALL)
-    assert text is not None
-    structure, request = assemble(parse_scene(tomllib.loads(text[1]), "docs/scene.md"))
-    assert find_warnings(structure) == ()
-    assert structure.axes == (0, 2)
-    assert set(request.parameters) == {"rest_length", "gravity"}
-
-
-def test_the_actuators_sensors_and_limits_of_the_scene_page_are_sound() -> None:
-    blocks = re.findall(r"```toml\n(.*?)```", document("docs/scene.md"), re.DOTALL)
-    chosen = [
-        blocks[0],
-        *(text for text in blocks if text.startswith(("[[actuators", "[[sensors", "[limits"))),
-    ]
-    assert len(chosen) == 4
-    structure, _ = assemble(parse_scene(tomllib.loads("\n".join(chosen)), "docs/scene.md"))
-    assert find_warnings(structure) == ()
-    assert [item.name for item in structure.inputs] == ["winch", "push", "motor"]
-    assert len(structure.sensors) == 2
-    assert structure.limits.least_tension.tolist() == [-float("inf"), 1.0, 5.0]
-
-
-def test_the_ground_of_the_scene_page_is_sound() -> None:
-    blocks = re.findall(r"```toml\n(.*?)```", document("docs/scene.md"), re.DOTALL)
-    (ground,) = (text for text in blocks if text.startswith("[ground"))
-    structure, _ = assemble(parse_scene(tomllib.loads(f"{blocks[0]}\n{ground}"), "docs/scene.md"))
-    assert find_warnings(structure) == ()
-    assert structure.ground is not None
-    assert [structure.node_name[node] for node in structure.ground.node] == ["head"]
-
-
-def table_keys(section: str) -> list[str]:
-    """Return the keys in the first column of a section's table."""
-    cells = re.findall(r"^\| (`.*?) \|", section, re.MULTILINE)
-    return sorted(key for cell in cells for key in re.findall(r"`([^`]+)`", cell))
-
-
-def model_keys(*models: type[BaseModel]) -> list[str]:
-    """Return the keys that models have, as they are written in TOML."""
-    fields = {field.alias or name for model in models for name, field in model.model_fields.items()}
-    return sorted(fields)
-
-
-SECTIONS: dict[str, tuple[type[BaseModel], ...]] = {
-    "## Top level": (schema.Scene,),
-    "## [model]": (schema.ModelOptions,),
-    "## [parameters]": (schema.Parameters,),
-    "## [classes.*]": (schema.MemberClass,),
-    "## [nodes]": (schema.Node,),
-    "## [interference]": (schema.Interference,),
-    "## [ground]": (part_schema.GroundTable,),
-    "## [[loads]]": (schema.Load,),
-    "## [[inputs]]": (schema.RestLengthInput, schema.TemperatureInput, schema.ForceInput),
-    "## [[actuators]]": (part_schema.ActuatorTable,),
-    "## [[sensors]]": (
-        part_schema.MemberSensor,
-        part_schema.NodeSensor,
-        part_schema.BodySensor,
-    ),
-    "## [limits]": (part_schema.LimitsTable,),
-    "## Rigid bodies": (body_schema.RigidPart,),
-    '`kind = "prism"`': (PrismShape,),
-    '`kind = "tower"`': (TowerShape,),
-    '`kind = "icosahedron"`': (IcosahedronShape,),
-    '`kind = "two_nodes"`': (TwoNodeShape,),
-}
-
-
-@pytest.mark.parametrize("heading", SECTIONS)
-def test_the_scene_page_has_every_key_of_the_schema_and_no_other(heading: str) -> None:
-    after = document("docs/scene.md").partition(f"\n{heading}")[2]
-    section = re.split(r'^## |^`kind = "\w+"`:', after, flags=re.MULTILINE)
-    assert table_keys(section[0]) == model_keys(*SECTIONS[heading])
-
-
-def test_the_scene_page_has_the_keys_that_only_members_have() -> None:
-    section = document("docs/scene.md").partition("\n## [members]")[2].partition("\n## ")[0]
-    own = set(model_keys(schema.Member)) - set(model_keys(schema.MemberClass))
-    assert table_keys(section) == sorted(own | {"kind"})
-
-
-def test_the_scene_page_names_every_quantity_and_parameter() -> None:
-    text = document("docs/scene.md")
-    assert [name for name in (*QUANTITIES, *PARAMETERS) if f"`{name}`" not in text] == []
 
 
 def test_the_model_page_defines_what_the_table_of_quantities_holds() -> None:

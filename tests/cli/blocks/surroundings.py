@@ -17,7 +17,6 @@ DRAWING = "0 SECTION 2 ENTITIES 0 LINE 8 net 10 0.0 20 0.0 30 0.0 11 1.0 21 0.0 
 ELSEWHERE = {
     "docs/languages/": "tests/examples",
     "docs/control_tutorial.md": "tests/cli/test_control_tutorial.py",
-    "docs/scene.md": "tests/test_house.py",
 }
 
 SCENE_JSON = json.dumps(
