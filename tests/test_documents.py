@@ -14,19 +14,24 @@ def document(name: str) -> str:
     return (ROOT / name).read_text(encoding="utf-8")
 
 
-def glossary_rows() -> list[list[str]]:
-    """Return the cells of the glossary's tables that have a unit and a symbol."""
-    lines = document("docs/glossary.md").splitlines()
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("| ")]
-    return [row for row in rows if len(row) == 5 and row[0] != "word"]
+# An entry of the glossary: its word, symbol and unit, names, meaning.
+ENTRY = re.compile(r"^- \*\*(.+?)\*\*(?:, `(.+?)`)?(?: \[(.+?)\])?(?: \((.+?)\))?: (.+)$", re.MULTILINE)
+
+
+def glossary_entries() -> list[tuple[str, ...]]:
+    """Return the entries of the glossary; every item of its lists is one."""
+    text = document("docs/glossary.md")
+    found = ENTRY.findall(text)
+    assert len(found) == text.count("\n- ") > 100
+    return found
 
 
 def test_the_glossary_gives_units_of_quantities_as_the_code_does() -> None:
     units = {
-        name: row[2]
-        for row in glossary_rows()
-        for name in re.findall(r"`(\w+)`", row[4])
-        if name in QUANTITIES and name == row[0].replace(" ", "_").removeprefix("node_and_")
+        name: unit
+        for word, _, unit, names, _ in glossary_entries()
+        for name in re.findall(r"`(\w+)`", names)
+        if name in QUANTITIES and name.removeprefix("member_") == word.replace(" ", "_")
     }
     assert len(units) > 5
     assert units == {name: QUANTITIES[name].unit for name in units}
@@ -40,9 +45,7 @@ def test_the_glossary_names_every_run_time_parameter_of_members() -> None:
 
 
 def test_no_word_of_the_glossary_has_two_meanings() -> None:
-    lines = document("docs/glossary.md").splitlines()
-    words = [line.split("|")[1].strip() for line in lines if line.startswith("| ")]
-    words = [word for word in words if word not in ("word", "status")]
+    words = [word for entry in glossary_entries() for word in entry[0].split(", ")]
     assert [word for word in words if words.count(word) > 1] == []
 
 
