@@ -1,6 +1,8 @@
 """What holds for every verb: help with an example, one JSON object, exit codes, nothing else on stdout."""
 
+import inspect
 import json
+import re
 import shlex
 from pathlib import Path
 
@@ -8,12 +10,13 @@ import numpy as np
 import pytest
 import typer
 
-from tensegrity_codegen.cli.app import app, main
+from tensegrity_codegen.cli.app import app, find_verbs, main
 from tensegrity_codegen.system.files import plain
 from tensegrity_codegen.system.version import VERSION
 from tests.cases import thorough
 from tests.cli.conftest import Run
 from tests.cli.scenes import FRAME, write
+from tests.doc_tables import check_table
 
 VERBS = [
     "analyse",
@@ -129,6 +132,14 @@ def test_no_option_of_a_verb_is_lost() -> None:
 def test_these_are_all_verbs() -> None:
     names = set(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
     assert names == set(VERBS)
+
+
+def test_the_table_of_verbs_is_written_from_their_help(update_golden: bool) -> None:
+    rows = []
+    for verb in find_verbs():
+        sentence = re.split(r"\n\n|(?<=\.)\s", inspect.cleandoc(verb.run.__doc__ or ""))[0]
+        rows.append((f"`{verb.word}`", " ".join(sentence.split()).removesuffix(".")))
+    check_table("reference/command_line.md", "verbs", ("verb", "what it does"), rows, update_golden)
 
 
 @pytest.mark.parametrize("verb", VERBS)
