@@ -5,6 +5,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
+# What is generated in a page: from a mark to its end.
+GENERATED = re.compile(r"<!-- ([\w ]+?)(?:: .*?)? -->\n.*?<!-- end of \1 -->", re.DOTALL)
 
 
 def check_table(

@@ -20,12 +20,12 @@ from tensegrity_codegen.tables.formulations import FORMULATIONS
 from tensegrity_codegen.tables.integrators import INTEGRATORS
 from tensegrity_codegen.tables.presets import PRESETS
 from tensegrity_codegen.tables.quantities import QUANTITIES
+from tests.doc_tables import GENERATED
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 RUN = 12  # words in a row that may stand in one sentence only
 
-GENERATED = re.compile(r"<!-- ([\w ]+?)(?:: .*?)? -->\n.*?<!-- end of \1 -->", re.DOTALL)
 HIDDEN = re.compile(r"^ *```.*?^ *```$|<!--.*?-->|^    .*?$", re.DOTALL | re.MULTILINE)
 LINK = re.compile(r"!?\[((?:[^\[\]]|\[[^\]]*\])*)\]\([^)]*\)")
 

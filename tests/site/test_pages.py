@@ -10,6 +10,7 @@ import pytest
 import tensegrity_codegen
 from tensegrity_codegen.cli.app import find_verbs
 from tensegrity_codegen.scene.schema.schema import scene_json_schema
+from tests.doc_tables import GENERATED
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -17,7 +18,7 @@ sys.path.append(str(DOCS))
 
 from site_pages.expand import expand_page  # noqa: E402
 from site_pages.gallery import find_scenes  # noqa: E402
-from site_pages.links import FENCE, LINK, point_links  # noqa: E402
+from site_pages.links import CODE, FENCE, LINK, point_links  # noqa: E402
 from site_pages.live_pages import compute_fingerprint  # noqa: E402
 
 PAGES = sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md"))
@@ -62,6 +63,86 @@ def test_links_lead_to_pages_and_files_of_the_docs(expanded: dict[str, str]) -> 
             if path and not re.match(r"[a-z]+:", target) and not (DOCS / page).parent.joinpath(path).exists():
                 lost.append((page, target))
     assert lost == []
+
+
+def make_anchor(title: str) -> str:
+    """Return the anchor of a heading, as GitHub and myst make it."""
+    plain = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", title.strip()).replace("`", "").replace("*", "")
+    return re.sub(r"[^\w\- ]", "", plain.lower()).replace(" ", "-")
+
+
+def find_anchors(text: str) -> set[str]:
+    """Return the anchors of a page: of its headings down to the fourth level, and stated ones."""
+    text = "".join(FENCE.split(text)[::2])
+    made: list[str] = []
+    for title in re.findall(r"^#{1,4} (.+?)#*$", text, re.MULTILINE):
+        anchor = make_anchor(title)
+        again = made.count(anchor)
+        made += [anchor, *([f"{anchor}-{again}"] if again else [])]
+    return {*made, *re.findall(r'\bid="([^"]+)"', text), *re.findall(r"^\(([\w-]+)\)=$", text, re.MULTILINE)}
+
+
+def find_lost(texts: dict[str, str], anchors: dict[str, set[str]]) -> list[str]:
+    """Return links of pages, paths from the root, to anchors, pictures or pages that are not there."""
+    lost = []
+    for page, text in texts.items():
+        prose = CODE.sub("", "".join(FENCE.split(text)[::2]))
+        targets = [target for _, _, target in LINK.findall(prose)]
+        targets += re.findall(r'<(?:img|source)\b[^>]*?\bsrc="([^"]+)"', prose)
+        for target in targets:
+            path, _, anchor = target.partition("#")
+            if re.match(r"[a-z]+:", target):
+                continue
+            found = posixpath.normpath(posixpath.join(posixpath.dirname(page), path)) if path else page
+            there = found in anchors or (ROOT / found).exists()
+            if not there or (anchor and anchor not in anchors.get(found, {anchor})):
+                lost.append(f"{page}: {target}")
+    return lost
+
+
+ROOT_PAGES = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")
+
+
+def test_links_lead_to_anchors_and_pictures_that_are_there(expanded: dict[str, str]) -> None:
+    texts = {name: (ROOT / name).read_text(encoding="utf-8") for name in ROOT_PAGES}
+    anchors = {name: find_anchors(text) for name, text in texts.items()}
+    anchors |= {f"docs/{page}": find_anchors(text) for page, text in expanded.items()}
+    texts |= {f"docs/{page}": (DOCS / page).read_text(encoding="utf-8") for page in PAGES}
+    assert find_lost(texts, anchors) == []
+
+
+def test_a_lost_anchor_or_picture_is_found() -> None:
+    text = '# A page\n\n## `a_b` and *c*: 10 %\n\n## Again\n\n## Again\n\n<a id="own"></a>\n'
+    assert find_anchors(text) == {"a-page", "a_b-and-c-10-", "again", "again-1", "own"}
+    good = (
+        "[a](x.md#own) [b](#again-1) ![p](docs/pictures/prism.gif) `[no](x.md#lost)` [w](https://a.example#b)"
+    )
+    bad = '[a](x.md#lost) [b](#gone) ![p](docs/pictures/none.gif) <img src="none.svg"> [c](none.md)'
+    anchors = {"x.md": find_anchors(text), "y.md": find_anchors(text)}
+    assert find_lost({"y.md": good}, anchors) == []
+    assert len(find_lost({"y.md": bad}, anchors)) == 5
+
+
+MOST_WORDS = {"page": 2_500, "docs": 60_000, "README": 600}
+
+
+def count_words(path: Path) -> int:
+    """Return the words of a page as `wc -w` counts, without generated lists."""
+    return len(GENERATED.sub("", path.read_text(encoding="utf-8")).split())
+
+
+def test_pages_are_short() -> None:
+    words = {page: count_words(DOCS / page) for page in PAGES if not page.startswith("decisions/")}
+    assert {page: count for page, count in words.items() if count > MOST_WORDS["page"]} == {}
+
+
+def test_the_documentation_is_short() -> None:
+    count = sum(count_words(DOCS / page) for page in PAGES if not page.startswith("decisions/"))
+    assert count <= MOST_WORDS["docs"]
+
+
+def test_the_readme_is_short() -> None:
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= MOST_WORDS["README"]
 
 
 def test_every_verb_has_a_section(expanded: dict[str, str]) -> None:
