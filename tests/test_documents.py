@@ -76,8 +76,8 @@ def test_every_path_in_the_contributing_guide_exists() -> None:
     assert [name for name in names if not (ROOT / name).exists()] == []
 
 
-def test_the_embedding_page_states_when_a_run_with_too_many_events_ends() -> None:
-    text = document("docs/embedding.md").replace("\n", " ")
+def test_the_page_of_integrators_states_when_a_run_with_too_many_events_ends() -> None:
+    text = document("docs/integrating_in_c.md").replace("\n", " ")
     assert set(re.findall(r"(\d+) in a row(?:,| within)", text)) == {str(MAX_IN_SUCCESSION)}
     assert set(re.findall(r"([\d,]+) trial steps in a row", text)) == {f"{10 * MAX_IN_SUCCESSION:,}"}
 

@@ -13,7 +13,6 @@ import pytest
 import typer
 
 from tensegrity_codegen.cli.app import app
-from tensegrity_codegen.tables.manifest import ALL_STATUS
 from tensegrity_codegen.tables.quantities import QUANTITIES
 from tests.cli.test_startup import HEAVY, find_loaded
 from tests.test_english import MODULES, parse
@@ -316,10 +315,3 @@ def test_the_citation_has_the_version_and_date_of_the_latest_release() -> None:
 def test_the_model_page_defines_what_the_table_of_quantities_holds() -> None:
     text = document("docs/model.md").replace(r"\_", "_")  # in formulas
     assert [name for name in QUANTITIES if name not in text] == []
-
-
-def test_the_embedding_page_states_the_status_codes() -> None:
-    rows = re.findall(r"^\| `PRISM_([A-Z_]+)` \| (\d+) \|", document("docs/embedding.md"), re.MULTILINE)
-    assert [(name.lower(), int(value)) for name, value in rows] == [
-        (name, value) for value, name in enumerate(ALL_STATUS)
-    ]

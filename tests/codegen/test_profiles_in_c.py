@@ -1,4 +1,4 @@
-"""The C of docs/embedding.md that drives a motor beside `simulate`; libraries with profiles, and without."""
+"""The C of docs/integrating_in_c.md drives a motor as `simulate` does; libraries with profiles."""
 
 import re
 from dataclasses import replace
@@ -20,7 +20,7 @@ from tests.codegen.compilers import require_compiler
 from tests.codegen.subjects import bare, everything, in_single_precision
 from tests.models import EXAMPLES, ROOT
 
-SECTION = "### Arguments over time"
+SECTION = "## Arguments over time"
 MAIN = """
 #include <stdio.h>
 #include <string.h>
@@ -61,7 +61,7 @@ def run_with(folder: Path, name: str, text: str) -> list[str]:
 
 def test_the_documented_program_steps_the_model(prism12: tuple[CompiledModel, Path]) -> None:
     """The whole program of the page as printed, beside one `simulate` for each period."""
-    text = (ROOT / "docs/embedding.md").read_text(encoding="utf-8").split("## Integrating in C")[1]
+    text = (ROOT / "docs/integrating_in_c.md").read_text(encoding="utf-8")
     found = re.search(r"```c\n(.*?)```", text, re.DOTALL)
     assert found is not None
     model, folder = prism12
@@ -92,7 +92,7 @@ def test_the_documented_program_steps_the_model(prism12: tuple[CompiledModel, Pa
 
 
 def test_the_documented_c_drives_the_motor_as_simulate_does(prism12: tuple[CompiledModel, Path]) -> None:
-    text = (ROOT / "docs/embedding.md").read_text(encoding="utf-8").split(SECTION)[1]
+    text = (ROOT / "docs/integrating_in_c.md").read_text(encoding="utf-8").split(SECTION)[1]
     found = re.search(r"```c\n(.*?)```", text, re.DOTALL)
     assert found is not None
     model, folder = prism12

@@ -1,5 +1,6 @@
 """Presets: settings for a purpose, in scenes and on the command line."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from tensegrity_codegen.tables.presets import PRESETS, find_preset
 from tests.cases import thorough
 from tests.codegen.build_c import run, write_files
 from tests.codegen.compilers import require_compiler
+from tests.doc_tables import check_table
 
 ROOT = Path(__file__).resolve().parents[2]
 PRISM = (ROOT / "tensegrity_codegen/scene/examples/prism.toml").read_text(encoding="utf-8")
@@ -75,3 +77,16 @@ def test_force_and_step_of_the_prism_fit_a_microcontroller(target: str | None, t
 def test_stack_use_is_read_from_what_compilers_write() -> None:
     text = "a.c:3:5:f\t48\tstatic\na.c:9:12:g.constprop.0\t16\tdynamic,bounded\n\nbad line\n"
     assert read_stack_use(text) == {"f": 48, "g.constprop.0": 16}
+
+
+def test_the_table_of_presets_is_written_from_the_records(update_golden: bool) -> None:
+    rows = [
+        (f"`{name}`", ", ".join(map(write_setting, preset.settings.items())), preset.title)
+        for name, preset in PRESETS.items()
+    ]
+    check_table("machines.md", "presets", ("preset", "settings", "for"), rows, update_golden)
+
+
+def write_setting(item: tuple[str, object]) -> str:
+    key, value = item
+    return f"`{key} = {json.dumps(list(value) if isinstance(value, tuple) else value)}`"

@@ -92,7 +92,7 @@ class RequestOptions:
         typer.Option(
             "--preset",
             help="Settings for a purpose, instead of the scene's: casadi, acados, f32, mcu "
-            "(docs/embedding.md).",
+            "(docs/machines.md).",
         ),
     ] = None
     flags: FlagsOption = None

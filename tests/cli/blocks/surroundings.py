@@ -45,10 +45,14 @@ EXCLUDED = (
         "from tensegrity_codegen import read_profile",
         "takes minutes; tests/control/feedback/test_time_motion.py runs a part of it",
     ),
-    ("docs/embedding.md", "integrators = ", "one line; tests/codegen/test_profiles_in_c.py has it"),
-    ("docs/embedding.md", "events = ", "one line; tests/codegen/integrators/test_events.py has it"),
-    ("docs/embedding.md", STEPPING, "tests/codegen/test_profiles_in_c.py runs the program"),
-    ("docs/embedding.md", "cc -std=c99 -O2 -o stepping", "tests/codegen/test_profiles_in_c.py runs it"),
+    ("docs/integrating_in_c.md", "integrators = ", "one line; tests/codegen/test_profiles_in_c.py has it"),
+    ("docs/integrating_in_c.md", "events = ", "one line; tests/codegen/integrators/test_events.py has it"),
+    ("docs/integrating_in_c.md", STEPPING, "tests/codegen/test_profiles_in_c.py runs the program"),
+    (
+        "docs/integrating_in_c.md",
+        "cc -std=c99 -O2 -o stepping",
+        "tests/codegen/test_profiles_in_c.py runs it",
+    ),
     ("docs/learning.md", "import jax", "needs JAX; tests/learning/derivatives/test_page.py runs it"),
     ("docs/learning.md", "import torch", "needs PyTorch; tests/learning/derivatives/test_page.py runs it"),
     ("docs/machines.md", "arm-none-eabi-gcc", "needs that compiler; tests/codegen compile for it by zig"),
@@ -77,9 +81,11 @@ SCENES = {
     "README.md": ("prism",),
     "docs/control.md": ("prism12", "pinned_prism"),
     "docs/derivatives.md": ("prism",),
-    "docs/embedding.md": ("prism", "prism12", "pinned_prism"),
+    "docs/casadi_functions.md": ("prism",),
+    "docs/embedding.md": ("prism",),
     "docs/export.md": ("prism", "pinned_prism"),
     "docs/fmu.md": ("prism",),
+    "docs/integrating_in_c.md": ("prism", "prism12", "pinned_prism"),
     "docs/learning.md": ("pinned_prism",),
     "docs/live.md": ("prism",),
     "docs/machines.md": ("prism",),
@@ -121,15 +127,14 @@ BEFORE = (
         "errors, stiffness = np.zeros((2, 6)), model.nominal('axial_stiffness')\n",
     ),
     (
-        "docs/embedding.md",
+        "docs/integrating_in_c.md",
         "coordinate = model.nominal",
-        "import casadi as ca\nimport numpy as np\nfrom dataclasses import replace\n"
-        "from tensegrity_codegen import build_library, compile_scene, load_scene, simulate_batch\n"
+        "import numpy as np\nfrom tensegrity_codegen import compile_scene, simulate_batch\n"
         'rng = np.random.default_rng(0)\nmodel = compile_scene("prism.toml", for_=("simulate_batch",))\n',
     ),
     (
-        "docs/embedding.md",
-        "structure, request",
+        "docs/casadi_functions.md",
+        "from dataclasses",
         "from pathlib import Path\n"
         'text = Path("prism.toml").read_text().replace(\'anchor_bottom = "z"\', "anchor_bottom = true")\n'
         'Path("held.toml").write_text(text)\n',
@@ -140,5 +145,6 @@ COORDINATE = "double coordinate[PRISM_N_COORDINATES] = {0};"
 # What stands before the pieces of C of a page, in the function in which they are compiled and run.
 C_BEFORE = {
     "docs/embedding.md": f"{COORDINATE} double displacement[PRISM_N_COORDINATES] = {{0}};",
+    "docs/integrating_in_c.md": "",
 }
 C_HEAD = "#include <stdio.h>\n#include <string.h>\n"

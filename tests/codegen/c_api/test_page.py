@@ -14,7 +14,7 @@ from tensegrity_codegen.tables.manifest import (
     STATUS,
     STATUS_TEXT,
 )
-from tensegrity_codegen.tables.quantities import ARGUMENTS, QUANTITIES
+from tensegrity_codegen.tables.quantities import ARGUMENTS
 from tensegrity_codegen.tables.quantities.quantity import Quantity
 from tests.codegen.c_api.header_rule import Interface, read_interface
 from tests.codegen.c_api.headers import HEADERS
@@ -92,37 +92,19 @@ def test_arguments(update_golden: bool) -> None:
     check_table(PAGE, "arguments", ("argument", "shape", "unit", "meaning"), rows, update_golden)
 
 
-def test_functions(update_golden: bool) -> None:
-    rows = [
-        (
-            f"`name_compute_{item.name}`",
-            shape_of(item) + (", sparse" if item.sparse else ""),
-            item.unit,
-            cell(item.sentence),
-        )
-        for item in QUANTITIES.values()
-    ]
-    check_table(PAGE, "functions", ("function", "result", "unit", "meaning"), rows, update_golden)
-
-
 def test_integrators(update_golden: bool) -> None:
     rows = [
         (
             f"`name_integrate_{name}`, `name_integrate_{name}_run`",
-            f"`NAME_{name.upper()}_WORK`",
             "Radau IIA of order 5, for stiff bars" if item.kind == "implicit" else item.title,
         )
         for name, item in INTEGRATORS.items()
     ]
     rows += [
-        (
-            f"`name_find_{name}`, `name_find_{name}_path`",
-            f"`NAME_{name.upper()}_WORK`",
-            "Newton's method on the potential energy",
-        )
+        (f"`name_find_{name}`, `name_find_{name}_path`", "Newton's method on the potential energy")
         for name in SOLVERS
     ]
-    check_table(PAGE, "integrators", ("functions", "work memory", "method"), rows, update_golden)
+    check_table(PAGE, "integrators", ("functions", "method"), rows, update_golden)
 
 
 STRUCTS = {

@@ -1,4 +1,4 @@
-"""The example of docs/embedding.md: it runs as it stands, and finds what it says."""
+"""The example of docs/casadi_functions.md: it runs as it stands, and finds what it says."""
 
 import re
 from dataclasses import replace
@@ -14,8 +14,8 @@ from tests.codegen.quickly import without_optimisation
 ROOT = Path(__file__).resolve().parents[3]
 
 
-def test_the_example_of_the_embedding_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    page = (ROOT / "docs/embedding.md").read_text(encoding="utf-8")
+def test_the_example_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = (ROOT / "docs/casadi_functions.md").read_text(encoding="utf-8")
     (block,) = [text for text in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "nlpsol" in text]
     prism = (ROOT / "tensegrity_codegen/scene/examples/prism.toml").read_text(encoding="utf-8")
     (tmp_path / "held.toml").write_text(re.sub('anchor_bottom = "z"', "anchor_bottom = true", prism))
