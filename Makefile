@@ -29,7 +29,7 @@ PYTHON ?= $(shell for python in $(CANDIDATES); do \
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test check lint types contracts test-all bench examples docs wheel golden format clean
+.PHONY: help setup demo test check lint types contracts test-all bench figures examples docs wheel golden format clean
 
 help: ## list these verbs
 	@awk -F ':.*## ' '/^[a-z][a-z-]*:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -92,6 +92,9 @@ contracts: $(STAMP) ## import-linter: which module may import which
 
 bench: $(STAMP) $(PEERS) ## measure every emitter beside other tools; BENCH=--quick is short
 	$(BIN)/python benchmarks/bench.py --scripts --out $(OUTPUT)/bench $(BENCH)
+
+figures: $(STAMP) $(PEERS) ## write all pages of measurements, in about 70 minutes; FIGURES='stiff_bars --dirty' is a part
+	$(BIN)/python benchmarks/write_figures.py $(FIGURES)
 
 examples: $(STAMP) ## build and run examples/ in each language whose tools are here; compare with Python
 	$(BIN)/python examples/run.py --out $(OUTPUT)/examples $(EXAMPLES)

@@ -1,7 +1,7 @@
 """The comparison: every emitter beside CasADi, NumPy, numba, JAX and MuJoCo, and the floor of this core.
 
     python benchmarks/bench.py [--out FOLDER] [--quick | --full] [--only NAME...] [--scripts]
-                               [--document FILE] [--fresh]
+                               [--write] [--fresh]
 
 Compiled libraries stay in FOLDER/libraries, with the seconds and memory that they took to compile, so that a
 second run is quicker. Finished comparisons are kept too: after an interruption the same command goes on from
@@ -34,7 +34,7 @@ def main(arguments: list[str] | None = None) -> int:
     size.add_argument("--full", action="store_true", help="every quantity at the largest size too")
     parser.add_argument("--only", nargs="*", choices=STRUCTURES, help="these structures alone")
     parser.add_argument("--scripts", action="store_true", help="the other scripts of this folder too")
-    parser.add_argument("--document", type=Path, help="write the page docs/benchmarks.md to this file")
+    parser.add_argument("--write", action="store_true", help="write docs/benchmarks.md")
     parser.add_argument("--fresh", action="store_true", help="use nothing of an interrupted run")
     options = parser.parse_args(arguments)
     plan = Plan(options.out, options.quick, options.full, options.scripts, PINNED, options.fresh)
@@ -43,8 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
         report = run_all(plan)
     except KeyboardInterrupt:
         return 130
-    if options.document:
-        write_document(report, options.document)
+    write_document(report, write=options.write)
     return 0
 
 

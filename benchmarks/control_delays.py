@@ -1,6 +1,6 @@
 """The loops of the acceptance tables of feedback again, with delays of the actuators that the gains know.
 
-python benchmarks/control_delays.py [prism] [tower] [spine]
+python benchmarks/control_delays.py [prism] [tower] [spine] [--write]
 
 End errors of the draws of tests/control/feedback, simulated in C. Ratios to those without delay: of the
 largest errors of all draws, and the largest one of a draw. The spine needs the files of NTRT that its test
@@ -14,7 +14,7 @@ from functools import cache, partial
 from typing import Any
 
 import numpy as np
-from harness.turns import markdown_head, markdown_row
+from harness.turns import draw_bars, find_about, publish, table_text
 
 from tensegrity_codegen import (
     ActuatorLimits,
@@ -28,6 +28,17 @@ from tests.control.feedback import pinned_prism, test_spine_feedback, tower_moti
 
 DRAWS = 20
 DELAYS = (0.0, 0.005, 0.01, 0.02)  # [s]
+ROWS: list[tuple[str, ...]] = []
+HEADS = (
+    "loop",
+    "delay",
+    "least end [deg]",
+    "worst end [deg]",
+    "over no delay",
+    "of one draw",
+    "least tension [N]",
+    "not ok",
+)
 
 
 def print_rows(
@@ -37,7 +48,7 @@ def print_rows(
     find_end: Callable[[Any], float],
     since: float,
 ) -> None:
-    """Print least and largest error at the end, ratio and least tension of a loop, for each delay.
+    """Add least and largest error at the end, ratio and least tension of a loop, for each delay.
 
     parts: model, motion, gains as a function of the delay, draws.
     """
@@ -55,18 +66,18 @@ def print_rows(
         first = ends if delay == 0.0 else first
         tension = min(float(run.least_tension(since)[cables].min()) for run in runs)
         cut = np.mean([word != "ok" for run in runs for word in run.step_status])
-        print(
-            markdown_row(
-                name, f"{1000 * delay:g} ms", f"{ends.min():.4f} to {ends.max():.4f}",
+        ROWS.append(
+            (
+                name, f"{1000 * delay:g} ms", f"{ends.min():.4f}", f"{ends.max():.4f}",
                 f"{ends.max() / first.max():.2f}", f"{(ends / first).max():.2f}", f"{tension:.1f}",
-                f"{100 * cut:.1f} %", f"{time.perf_counter() - started:.0f} s",
-            ),
-            flush=True,
+                f"{100 * cut:.1f} %",
+            )
         )  # fmt: skip
+        print(*ROWS[-1], f"{time.perf_counter() - started:.0f} s", sep=", ", flush=True)
 
 
 def run_prism() -> None:
-    """Print the rows of the pinned prism, with a distribution of tensions too."""
+    """Add the rows of the pinned prism, with a distribution of tensions too."""
     model = pinned_prism.build_prism()
     motion = pinned_prism.move_prism(model)
     draws = [pinned_prism.draw_errors(model, seed, seed) for seed in range(DRAWS)]
@@ -95,7 +106,7 @@ def run_prism() -> None:
 
 
 def run_tower() -> None:
-    """Print the rows of the tower of two stages."""
+    """Add the rows of the tower of two stages."""
     model = tower_motion.build_tower()
     motion = tower_motion.move_tower(model)
     angles = tower_motion.find_angles(model)
@@ -109,7 +120,7 @@ def run_tower() -> None:
 
 
 def run_spine() -> None:
-    """Print the rows of the spine of NTRT."""
+    """Add the rows of the spine of NTRT."""
     model = test_spine_feedback.build_spine()
     motion = test_spine_feedback.bend(model)
     draws = [test_spine_feedback.draw_errors(model, seed, seed) for seed in range(DRAWS)]
@@ -129,22 +140,24 @@ def run_spine() -> None:
         print_rows(f"spine: {name}", (model, motion, gains, draws), options, find_end, 1.0)
 
 
-def main(chosen: Sequence[str]) -> None:
-    """Print the table."""
-    heads = (
-        "loop",
-        "delay",
-        "worst end [deg]",
-        "ratio",
-        "of one draw",
-        "least tension [N]",
-        "not ok",
-        "time",
+def main(words: Sequence[str]) -> None:
+    """Print the table, and write it if asked to."""
+    runs = {"prism": run_prism, "tower": run_tower, "spine": run_spine}
+    chosen = [word for word in words if word in runs] or list(runs)
+    for name in chosen:
+        runs[name]()
+    without = [row for row in ROWS if row[1] == "0 ms"]
+    worst = max(without, key=lambda row: float(row[3]))
+    slowest = max(ROWS, key=lambda row: float(row[4]))
+    finding = (
+        f"With feedback loops end within {min(float(row[3]) for row in without):g} to {worst[3]} deg (worst: "
+        f"{worst[0]}); delays that the gains know make that at most {slowest[4]} times as large "
+        f"({slowest[0]}, "
+        f"{slowest[1]})"
     )
-    print(markdown_head(*heads))
-    for name, run in (("prism", run_prism), ("tower", run_tower), ("spine", run_spine)):
-        if not chosen or name in chosen:
-            run()
+    bars = draw_bars("loop, delay", HEADS[3])
+    parts = (bars, table_text(HEADS, ROWS), find_about(__doc__))
+    publish("control_measured.md", finding, *parts, write="--write" in words)
 
 
 if __name__ == "__main__":

@@ -1,18 +1,19 @@
 """Closed loops of the pinned prism and the tower: simulate_control beside simulate_control_batch.
 
-python benchmarks/control_loops.py
+python benchmarks/control_loops.py [--write]
 
 Wall time a draw from lengths with noise, one thread; medians over rounds that take turns. Generating and
 compiling the loop is timed apart, for it happens once for all draws.
 """
 
+import sys
 import time
 from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
-from harness.turns import markdown_head, markdown_row, measure_call, take_turns
+from harness.turns import draw_bars, find_about, measure_call, publish, table_text, take_turns
 
 from tensegrity_codegen import design_kalman, simulate_control, simulate_control_batch
 from tests.control.feedback.pinned_prism import build_prism, design_gains, draw_errors, move_prism
@@ -45,8 +46,8 @@ def prepare_tower() -> tuple[Any, ...]:
     return model, motion, gains.at_knots(), estimator, draws, 12.0
 
 
-def compare(name: str, parts: Sequence[Any]) -> None:
-    """Print one row."""
+def compare(name: str, parts: Sequence[Any]) -> tuple[str, ...]:
+    """Return one row."""
     model, motion, gains, estimator, draws, t_end = parts
 
     given = {"estimator": estimator, "t_end": t_end}
@@ -63,15 +64,21 @@ def compare(name: str, parts: Sequence[Any]) -> None:
     turns = take_turns({"Python": in_python, "one": partial(in_c, 1), "all": partial(in_c, DRAWS)}, ROUNDS)
     python = np.median(turns["Python"])
     c = np.median(turns["all"] - turns["one"]) / (DRAWS - 1)
-    print(markdown_row(name, f"{1e3 * python:.0f}", f"{1e3 * c:.2f}", f"{python / c:.0f}", f"{first:.1f}"))
+    return (name, f"{1e3 * python:.0f}", f"{1e3 * c:.2f}", f"{python / c:.0f}", f"{first:.1f}")
 
 
 def main() -> None:
-    """Print the table."""
+    """Print the table, and write it if asked to."""
     heads = ("loop", "Python [ms a draw]", "C [ms a draw]", "ratio", "first call in C, with compiling [s]")
-    print(markdown_head(*heads))
-    compare("prism, 3 s at 200 Hz", prepare_prism())
-    compare("tower, 12 s at 100 Hz", prepare_tower())
+    rows = [
+        compare("prism, 3 s at 200 Hz", prepare_prism()),
+        compare("tower, 12 s at 100 Hz", prepare_tower()),
+    ]
+    finding = f"Loops in C take {' and '.join(f'{row[2]} ms a draw ({row[0]})' for row in rows)}"
+    ratios = [row[3] for row in rows]
+    parts = (draw_bars("loop", heads[2]), table_text(heads, rows), find_about(__doc__))
+    finding += f", {' and '.join(ratios)} times as fast as `simulate_control`"
+    publish("control_measured.md", finding, *parts, write="--write" in sys.argv)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Functions of JAX beside calls of NumPy: 256 states or motions by vmap, with gradients, and steps in a loop.
 
-python benchmarks/derivatives.py [--rounds 15] [--write]   needs jax; --write: into docs/learning.md
+python benchmarks/derivatives.py [--rounds 15] [--write]   needs jax
 
 Times are medians of processor time over rounds that take turns, on one thread. Motions last 0.1 s at a
 relative tolerance of 1e-6: by vmap each ends its steps at events, so that its result has a derivative;
@@ -8,7 +8,7 @@ simulate_batch of a library without derivatives integrates them side by side in 
 """
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -16,10 +16,10 @@ import jax
 import numpy as np
 from harness.turns import (
     EXAMPLES,
-    ROOT,
-    describe_origin,
+    draw_bars,
+    find_about,
     measure_call,
-    replace_figures,
+    publish,
     table_text,
     take_turns,
 )
@@ -28,9 +28,9 @@ from tensegrity_codegen import Stepping, compile_scene, simulate_batch, to_jax, 
 from tests.standing_robot import describe_robot
 from tests.symbolic.test_jacobians import TRIANGLE
 
-BEGIN, END = "<!-- figures: benchmarks/derivatives.py -->", "<!-- end of figures -->"
+PAGE = "learning_measured.md"
 COUNT, STEPS, T_END, RTOL = 256, 1000, 0.1, 1e-6
-HEAD = ("256 at once", "NumPy", "vmap", "ratio", "gradients by vmap")
+HEAD = ("256 at once", "NumPy [us]", "vmap [us]", "vmap over NumPy", "gradients by vmap [us]")
 
 
 def measure(calls: dict[str, Callable[[], Any]], repeats: int, rounds: int) -> list[float]:
@@ -43,7 +43,7 @@ def measure(calls: dict[str, Callable[[], Any]], repeats: int, rounds: int) -> l
 
 def show(name: str, seconds: list[float]) -> tuple[str, ...]:
     """Return a row of the table."""
-    times = [f"{1e3 * value:.3g} ms" if value > 1e-3 else f"{1e6 * value:.3g} us" for value in seconds]
+    times = [f"{float(f'{1e6 * value:.3g}'):,.10g}" for value in seconds]
     return (name, *times[:2], f"{seconds[1] / seconds[0]:.2f}", times[2])
 
 
@@ -127,10 +127,21 @@ def main() -> None:
         measure_motion(title, scene, chosen.rounds)
         for title, scene in (("prism", prism), ("triangle on the ground", TRIANGLE))
     ]
-    text = f"{table_text(HEAD, rows)}\n\n{measure_loop(chosen.rounds)} {describe_origin()}"
-    print(text)
-    if chosen.write:
-        replace_figures(ROOT / "docs" / "learning.md", BEGIN, END, text)
+    bars = draw_bars(HEAD[0], HEAD[3])
+    parts = (bars, table_text(HEAD, rows), measure_loop(chosen.rounds), find_about(__doc__))
+    publish(PAGE, describe_finding(rows), *parts, write=chosen.write)
+
+
+def describe_finding(rows: Sequence[Sequence[str]]) -> str:
+    """Return the least and largest ratio of quantities and of motions."""
+    motions, quantities = (
+        [float(row[3]) for row in rows if row[0].startswith("motion") == is_motion]
+        for is_motion in (True, False)
+    )
+    return (
+        f"By `jax.vmap` quantities take {min(quantities):g} to {max(quantities):g} times the time of NumPy's "
+        f"batch, motions {min(motions):g} to {max(motions):g} times"
+    )
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """A thousand motions of a prism in batches, beside MuJoCo and SUNDIALS, each at its cheapest for one error.
 
 python benchmarks/ensembles.py [--count 1000] [--error 1e-5] [--seconds 1.0] [--peers 4] [--ratio 1e3]
+                               [--write]
 
 The prism of the examples, bars `ratio` times as stiff as cables; their mass is put to the nodes, since
 springs have none in MuJoCo. Motions start near the equilibrium, nodes displaced by 5 mm and moving at 0.1 m/s
@@ -20,7 +21,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from harness.turns import EXAMPLES, describe_origin
+from harness.turns import EXAMPLES, draw_bars, find_about, publish, table_text
 from numpy.typing import NDArray
 
 from tensegrity_codegen.pipeline.analyses import equilibrium_quantities
@@ -41,6 +42,8 @@ from tensegrity_codegen.tables.request import ModelRequest
 FloatArray = NDArray[np.float64]
 
 SCENE = EXAMPLES / "prism.toml"
+PAGE = "sweep_measured.md"
+HEADS = ("way", "setting", "CPU, each [ms]", "error [m]", "motions", "times over ours")
 DISPLACED, MOVING = 5e-3, 0.1  # [m], [m/s]
 ROUNDS = 5
 SECOND_STEP = 1e-5  # [s], of the second reference, at a ratio of 1e3
@@ -216,16 +219,27 @@ def list_peers(ensemble: Ensemble, count: int) -> Iterator[tuple[str, list[Calla
             yield row[0][0], [make for _, make in row]
 
 
-def show(line: Line | None, name: str, best: float | None = None) -> None:
-    """Print one row of the table."""
+def describe_line(name: str, line: Line | None, best: float) -> tuple[str, ...]:
+    """Return one row of the table; best: seconds of the fastest of ours with bars taken alike."""
     if line is None:
-        print(f"{name:34} does not meet the error", flush=True)
-        return
-    ratio = f"{line.seconds / best:8.1f} times" if best else ""
-    print(
-        f"{line.name:34} {line.setting:9.2e} {1e3 * line.seconds:10.4f} ms {line.error:9.1e} m "
-        f"{line.count:6d} {ratio}",
-        flush=True,
+        return (name, "does not meet the error", "", "", "", "")
+    ratio = f"{line.seconds / best:.3g}"
+    setting, each = f"{line.setting:.1e}", f"{1e3 * line.seconds:.4f}"
+    return (name, setting, each, f"{line.error:.1e}", f"{line.count}", ratio)
+
+
+def describe_finding(rows: Sequence[Sequence[str]]) -> str:
+    """Return the ratios of MuJoCo with springs, of CVODE in C, and the least one of all others."""
+    others = {row[0]: float(row[5]) for row in rows if row[5] and not row[0].startswith("ours")}
+    springs = min(
+        (value for name, value in others.items() if name.startswith("MuJoCo ") and "rigid" not in name),
+        default=np.nan,
+    )
+    cvode = min((value for name, value in others.items() if name.startswith("CVODE (C")), default=np.nan)
+    worst = min(others, key=lambda name: others[name], default="none")
+    return (
+        f"{springs:.3g} times as fast as MuJoCo with springs, {cvode:.3g} as CVODE; "
+        f"{others.get(worst, np.nan):.3g} at worst ({worst})"
     )
 
 
@@ -238,7 +252,7 @@ def _silence_mujoco() -> None:
 
 
 def main() -> None:
-    """Print the table."""
+    """Print the table, and write it if asked to."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--error", type=float, default=1e-5)
@@ -246,35 +260,38 @@ def main() -> None:
     parser.add_argument("--peers", type=int, default=4)
     parser.add_argument("--ratio", type=float, default=1e3)
     parser.add_argument("--compiler", default=None)
+    parser.add_argument("--write", action="store_true", help=f"write into docs/{PAGE}")
     given = parser.parse_args()
     structure = make_structure(given.ratio)
     ensemble = Ensemble(structure, given.count, given.seconds, given.compiler, given.ratio)
-    print(
-        f"{given.count} prisms, ratio {given.ratio:g}, {given.seconds:g} s, error at most {given.error:g} m"
-    )
-    print(f"references differ by {ensemble.apart:.1e} m")
-    print(f"{'':34} {'setting':>9} {'CPU, each':>13} {'error':>11} {'motions':>6}")
-    own = []
+    found: dict[str, Line | None] = {}
     for title, method in itertools.product(FORMULATIONS, METHODS):
         settings = OWN_STEPS if method == "rk4" else OWN_TOLERANCES
-        own.append(find_own(ensemble, title, method, settings, given.error))
-        show(own[-1], f"ours, {title}, {method}")
-    known = [line for line in own if line is not None]
+        found[f"ours, {title}, {method}"] = find_own(ensemble, title, method, settings, given.error)
+    known = [line for line in found.values() if line is not None]
     best = {
-        is_rigid: min((line.seconds for line in known if ("rigid" in line.name) == is_rigid), default=None)
+        is_rigid: min((line.seconds for line in known if ("rigid" in line.name) == is_rigid), default=np.nan)
         for is_rigid in (False, True)
     }
-    print("times: over the fastest of ours with bars taken alike, elastic or rigid")
     _silence_mujoco()
     for name, makers in list_peers(ensemble, given.peers):
         settings = PEER_STEPS if name.startswith("MuJoCo") else PEER_TOLERANCES
-        try:
-            line = find_peer(ensemble, makers, settings, given.error)
-        except Unavailable as reason:
-            print(f"{name:34} {reason}")
-            continue
-        show(line, name, best["rigid" in name])
-    print(describe_origin())
+        with contextlib.suppress(Unavailable):
+            found[name] = find_peer(ensemble, makers, settings, given.error)
+        print(name, flush=True)
+    rows = [describe_line(name, line, best["rigid" in name]) for name, line in found.items()]
+    publish(
+        PAGE,
+        describe_finding(rows),
+        f"{given.count:,} motions of {given.seconds:g} s in a batch, errors at most {given.error:g} m, bars "
+        f"{given.ratio:g} times as stiff as cables; references differ by {ensemble.apart:.1e} m. Times "
+        "over ours "
+        "are over the fastest of ours with bars taken alike, elastic or rigid.",
+        draw_bars(HEADS[0], HEADS[-1]),
+        table_text(HEADS, rows),
+        find_about(__doc__),
+        write=given.write,
+    )
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ import json
 import os
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -25,7 +25,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from harness.turns import ROOT, describe_origin, replace_figures, table_text
+from harness.turns import draw_bars, find_about, publish, table_text
 from mujoco import rollout
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
@@ -44,8 +44,7 @@ SAMPLE, ALLOWED, SHARE = 0.02, 1e-4, 0.95
 RTOLS = tuple(10.0 ** (-k / 2) for k in range(3, 19))
 COUNTS = tuple(round(10 * 2 ** (k / 2)) for k in range(19))  # steps of MuJoCo in a sample: 2 ms to 4 us
 REFERENCE = 16384  # steps of MuJoCo's reference in a sample: 1.2 us
-BEGIN, END = "<!-- figures: benchmarks/environments.py -->", "<!-- end of figures -->"
-DOCUMENT = ROOT / "docs" / "learning.md"
+PAGE = "learning_measured.md"
 
 
 @dataclass(frozen=True)
@@ -392,9 +391,8 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--mjx", action="store_true", help="MJX too, which needs jax and mujoco-mjx; minutes")
     parser.add_argument("--json", type=Path, help="file for all rows")
-    parser.add_argument("--write", action="store_true", help=f"write the figures into {DOCUMENT.name}")
+    parser.add_argument("--write", action="store_true", help=f"write into docs/{PAGE}")
     chosen = parser.parse_args()
-    origin = describe_origin()
     rows = [row for robot in (make_three_rods(), make_six_rods()) for row in measure(robot, chosen)]
     cells = [
         (
@@ -404,12 +402,32 @@ def main() -> None:
         for row in rows
     ]  # fmt: skip
     head = ("robot", "program", "setting", "error a step [m]", "robot steps/s", "times slower")
-    text = f"{origin}\n\n{table_text(head, cells)}"
-    print(text)
     if chosen.json:
-        chosen.json.write_text(json.dumps({"origin": origin, "rows": rows}, indent=1), encoding="utf-8")
-    if chosen.write:
-        replace_figures(DOCUMENT, BEGIN, END, text)
+        chosen.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+    bars = draw_bars("robot, program, setting", "robot steps/s")
+    parts = (bars, table_text(head, cells), find_about(__doc__))
+    publish(PAGE, describe_finding(cells), *parts, write=chosen.write)
+
+
+def describe_finding(cells: Sequence[Sequence[str]]) -> str:
+    """Return robot steps a second of ours, and the ratios to MuJoCo at equal error and at 2 ms."""
+    ours = [row for row in cells if row[1].startswith("ours")]
+    peers = [row for row in cells if row[1].startswith("MuJoCo")]
+    rates = [f"{max((row[4] for row in ours if row[0] == name), key=read_number)} ({name})"
+             for name in dict.fromkeys(row[0] for row in ours)]  # fmt: skip
+    equal, usual = (
+        [read_number(row[5]) for row in peers if (row[2] == "2 ms") == is_usual] for is_usual in (False, True)
+    )
+    return (
+        f"{' and '.join(rates)} robot steps a second; MuJoCo is {min(equal):.3g} to {max(equal):.3g} "
+        "times slower "
+        f"at equal error, {min(usual):.3g} to {max(usual):.3g} times at its 2 ms"
+    )
+
+
+def read_number(text: str) -> float:
+    """Return the number of a cell."""
+    return float(text.replace(",", ""))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Plans to far targets, drawn at random, on four structures with a motor on each cable.
 
 python benchmarks/far_plans.py --out FILE.jsonl [--scene NAME] [--first K] [--count N] [--attempts N]
+                                [--write]
 python benchmarks/far_plans.py --out FILE.jsonl --few-motors [--first K] [--count N]
 
 Scenes: the prism of 12 cables, a tower of five stages, a mast of three stages with 39 motors, the SuperBall.
@@ -27,6 +28,7 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from harness.turns import draw_bars, find_about, publish, table_text
 
 from tensegrity_codegen.control.planning.plan import plan
 from tensegrity_codegen.pipeline.analyses import want_analyses
@@ -49,6 +51,15 @@ from tests.control.planning.structures import (
 )
 
 SEED, COUNT = 26, 25
+PAGE = "control_measured.md"
+HEADS = (
+    "structure",
+    "targets",
+    "found",
+    "a plan [s]",
+    "longest [s]",
+    "largest distance of a simulation's end [m]",
+)
 GALLERY = Path(__file__).parents[1] / "docs" / "gallery"
 SUPERBALL, MAST = GALLERY / "superball.toml", GALLERY / "deployable_mast.toml"
 FACETS = "[n4, n8, n12], [n1, n5, n9]"  # two facets of cables that face each other
@@ -230,7 +241,10 @@ def main() -> None:
     parser.add_argument("--attempts", type=int, default=2)
     parser.add_argument("--no-simulation", action="store_true")
     parser.add_argument("--few-motors", action="store_true")
+    parser.add_argument("--write", action="store_true", help=f"write into docs/{PAGE}")
     given = parser.parse_args()
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    rows: list[dict[str, Any]] = []
 
     def run(
         scene: str, model: CompiledModel, index: int, target: dict[str, Any] | str, attempts: int
@@ -241,6 +255,8 @@ def main() -> None:
             begin = monotonic()
             row["apart"], row["speed"] = simulate_plan(model, found)
             row["simulation_seconds"] = round(monotonic() - begin, 2)
+        rows.append(row)
+        print(row, flush=True)
         with given.out.open("a") as file:
             file.write(json.dumps(row) + "\n")
 
@@ -254,6 +270,28 @@ def main() -> None:
         model = load(SCENES[scene].build())
         for index, target in list(enumerate(draw_targets(scene, model)))[chosen]:
             run(scene, model, index, target, given.attempts)
+    table = summarise(rows)
+    slow = max(table, key=lambda cells: float(cells[3]))
+    far = max(table, key=lambda cells: float(cells[5] or 0.0))
+    finding = (
+        f"{sum(int(cells[2]) for cells in table)} of {len(rows)} far targets are planned, at the median "
+        "in at "
+        f"most {slow[3]} s ({slow[0]}); simulations end at most {far[5]} m away ({far[0]})"
+    )
+    parts = (draw_bars(HEADS[0], HEADS[3]), table_text(HEADS, table), find_about(__doc__))
+    publish(PAGE, finding, *parts, write=given.write)
+
+
+def summarise(rows: list[dict[str, Any]]) -> list[tuple[str, ...]]:
+    """Return the row of each scene: targets, those that were found, times, distances of simulations."""
+    table = []
+    for scene in dict.fromkeys(row["scene"] for row in rows):
+        own = [row for row in rows if row["scene"] == scene]
+        seconds, apart = ([row[key] for row in own if key in row] for key in ("seconds", "apart"))
+        found = sum(row["status"] == "found" for row in own)
+        times = (f"{np.median(seconds):.1f}", f"{max(seconds):.1f}")
+        table.append((scene, f"{len(own)}", f"{found}", *times, f"{max(apart):.1e}" if apart else ""))
+    return table
 
 
 if __name__ == "__main__":

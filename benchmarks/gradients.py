@@ -1,6 +1,6 @@
 """Gradients of motions: columns beside them, backwards over their steps, differences of motions, and diffrax.
 
-python benchmarks/gradients.py [--document docs/identify.md]   rows of others need diffrax, mujoco-mjx
+python benchmarks/gradients.py [--no-mjx] [--write]   rows of others need diffrax, mujoco-mjx
 
 The tilted prism of benchmarks/ground.py (three rigid bars, nine damped cables, friction), dropped from 0.5
 m, 0.6 s, 30 events; the x of its last node at the end, to the logarithms of nine rest lengths, of the
@@ -20,13 +20,13 @@ Times are medians of CPU time over rounds that take turns, of whole runs called 
 import argparse
 import importlib.util
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import tostring
 
 import numpy as np
-from harness.turns import describe_origin, replace_figures, table_text, time_in_turns
+from harness.turns import draw_bars, find_about, publish, table_text, time_in_turns
 from numpy.typing import NDArray
 
 import tensegrity_codegen
@@ -45,7 +45,8 @@ from tests.ground_cases import GRAVITY, make_prism
 from tests.runtime.integrate.test_ground import rotate
 
 FloatArray = NDArray[np.float64]
-BEGIN, END = "<!-- gradients: benchmarks/gradients.py -->", "<!-- end of gradients -->"
+PAGE = "identify_measured.md"
+HEAD = ("gradient to 11 numbers", "error", "CPU [ms]", "in motions", "compiled in [s]")
 T_END, ROUNDS, NUMBERS = 0.6, 7, 11
 TOWER_END, PUSH = 0.5, 0.5  # [s], [m/s]
 EXAMPLES = Path(tensegrity_codegen.__file__).parent / "scene" / "examples"
@@ -54,9 +55,10 @@ STEPS = (1e-2, 1e-4, 1e-6)
 
 
 def main() -> None:
-    """Print a table, or write it into a document."""
+    """Print the tables, or write them into the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--document", type=Path, help="a page whose figures between the marks are replaced")
+    parser.add_argument("--write", action="store_true", help=f"write into docs/{PAGE}")
+    parser.add_argument("--no-mjx", action="store_true", help="without MJX, which compiles for minutes")
     chosen = parser.parse_args()
     prism = make_prism(rotate((0.0, 0.3, 0.2)))
     plain, wide = (build(prism, columns) for columns in ((), ("rest_length", "ground")))
@@ -78,7 +80,7 @@ def main() -> None:
     notes = dict.fromkeys(runs, "")
     if importlib.util.find_spec("diffrax"):
         for name, (run, compiled) in build_diffrax(prism).items():
-            runs[name], notes[name] = run, f"and {compiled:.0f} s to compile"
+            runs[name], notes[name] = run, f"{compiled:.0f}"
     errors = {name: float(np.abs(run() - exact).max() / np.abs(exact).max()) for name, run in runs.items()}
     own = {f"motion at {r:.0e}": lambda r=r: move(plain, r) for r in TOLERANCES}
     times = time_in_turns({**own, **runs}, ROUNDS)
@@ -87,13 +89,22 @@ def main() -> None:
         rtol = next((r for r in TOLERANCES if name.endswith(f"at {r:.0e}")), None)
         cost = "" if rtol is None else f"{times[name] / times[f'motion at {rtol:.0e}']:.1f}"
         rows.append((name, f"{errors[name]:.1e}", f"{1e3 * times[name]:.1f}", cost, notes[name]))
-    head = ("gradient to 11 numbers", "error", "CPU [ms]", "in motions", "")
-    text = f"{describe_origin()}\n\n{table_text(head, rows)}\n\n{compare_tower()}"
-    if importlib.util.find_spec("mujoco.mjx"):
-        text += f"\n\n{compare_mjx(prism)}"
-    print(text)
-    if chosen.document:
-        replace_figures(chosen.document, BEGIN, END, text)
+    parts = [draw_bars(HEAD[0], HEAD[2]), table_text(HEAD, rows), compare_tower()]
+    if importlib.util.find_spec("mujoco.mjx") and not chosen.no_mjx:
+        parts.append(compare_mjx(prism))
+    publish(PAGE, describe_finding(rows), *parts, find_about(__doc__), write=chosen.write)
+
+
+def describe_finding(rows: Sequence[Sequence[str]]) -> str:
+    """Return the costs and the errors of gradients backwards, and of differences at their best."""
+    back = [row for row in rows if row[0].startswith("backwards")]
+    best = min((row for row in rows if row[0].startswith("central")), key=lambda row: float(row[1]))
+    costs, errors = ([float(row[k]) for row in back] for k in (3, 1))
+    return (
+        f"A gradient through contacts costs {min(costs):g} to {max(costs):g} motions backwards, with "
+        "errors of "
+        f"{min(errors):.0e} to {max(errors):.0e}; differences cost {best[3]} and have {best[1]} at best"
+    )
 
 
 def compare_tower() -> str:

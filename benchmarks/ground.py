@@ -1,6 +1,6 @@
 """Structures on the ground beside MuJoCo and Drake: creep at rest, a bounce, a prism that drops.
 
-python benchmarks/ground.py [--document docs/ground.md]   needs mujoco (extra `bench`), some rows drake
+python benchmarks/ground.py [--write]   needs mujoco (extra `bench`), some rows drake
 
 - Creep: a block of 1 kg at rest on a slope of 20 degrees with friction 0.5, which holds up to 26.6; its speed
   after 2 s. A dry block does not move.
@@ -10,18 +10,18 @@ python benchmarks/ground.py [--document docs/ground.md]   needs mujoco (extra `b
   a ground of 2e4 N/m with friction 0.5, 0.6 s. Our error is against our motion at a relative tolerance of
   1e-13; MuJoCo's contact law is another one, so its error is how far it moves when its step is halved.
 
-Times are medians of CPU time over rounds that take turns, of whole runs called from Python.
+Times are medians of CPU time over rounds that take turns, of whole runs called from Python, of ours with the
+check of their error.
 """
 
 import argparse
 import importlib.util
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import mujoco
 import numpy as np
-from harness.turns import describe_origin, replace_figures, table_text, time_in_turns
+from harness.turns import draw_bars, find_about, publish, table_text, time_in_turns
 from numpy.typing import NDArray
 
 from tensegrity_codegen.export.rigid_parts import numbers
@@ -38,11 +38,12 @@ from tests.runtime.integrate.test_ground import rotate
 
 FloatArray = NDArray[np.float64]
 Row = tuple[str, ...]
-BEGIN, END = "<!-- ground: benchmarks/ground.py -->", "<!-- end of ground -->"
+PAGE = "ground_measured.md"
 METHODS = ("rk54", "rk853")
 SLOPE, REST_TIME = np.radians(20.0), 2.0
 BOUNCE_TIME, BOUNCE_HEIGHT, DISSIPATION = 0.9, 0.077226660238, 0.311252583112
 PRISM_TIME, ROUNDS = 0.6, 5
+DROP = ("tilted prism", "error at the end [m]", "CPU [ms]", "times faster than MuJoCo at 5e-5 s")
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-8, 1e-10)
 MUJOCO_STEPS = (1e-3, 2e-4, 1e-4, 5e-5)
 DRAKE_SOLVERS, DRAKE_SCHEMES = ("sap", "similar"), ("runge_kutta3", "radau3")
@@ -55,20 +56,34 @@ BALL = 0.01  # radius of a peer's contact [m]
 
 
 def main() -> None:
-    """Print three tables, or write them into a document."""
+    """Print three tables, or write them into the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--document", type=Path, help="a page whose figures between the marks are replaced")
+    parser.add_argument("--write", action="store_true", help=f"write docs/{PAGE}")
     chosen = parser.parse_args()
-    drop = ("tilted prism, 0.6 s", "error at the end [m]", "CPU [ms]", "times faster than MuJoCo at 5e-5 s")
-    tables = (
+    prism = measure_prism()
+    publish(
+        PAGE,
+        describe_finding(prism),
+        draw_bars(DROP[0], DROP[3]),
+        table_text(DROP, prism),
         table_text(("block at rest on 20 degrees", "speed after 2 s [m/s]"), measure_creep()),
         table_text(("bounce", "error of the height after 0.9 s [m]"), measure_bounce()),
-        table_text(drop, measure_prism()),
+        find_about(__doc__),
+        write=chosen.write,
     )
-    text = "\n\n".join((describe_origin(), *tables))
-    print(text)
-    if chosen.document:
-        replace_figures(chosen.document, BEGIN, END, text)
+
+
+def describe_finding(rows: Sequence[Row]) -> str:
+    """Return how many times faster than MuJoCo's shortest step ours are, and the errors of both."""
+    ours, peers = (
+        [row for row in rows if row[0].startswith("MuJoCo") == is_peer] for is_peer in (False, True)
+    )
+    slow, fast = (choose(ours, key=lambda row: float(row[3])) for choose in (min, max))
+    loose = max(ours, key=lambda row: float(row[1]))
+    return (
+        f"A prism that drops onto the ground: {slow[3]} to {fast[3]} times as fast as {peers[-1][0]}, which "
+        f"is off by {peers[-1][1]} m; ours by {loose[1]} m at worst ({loose[0]})"
+    )
 
 
 def measure_creep() -> list[Row]:

@@ -1,20 +1,18 @@
 """Live pages in a browser: size of the file, time of our scripts a frame, frames a second.
 
 python benchmarks/live_pages.py [--ntrt 3Prism.yaml SuperBall.yaml TetrahedralSpine.yaml] [--seconds 8]
-                                [--only net] [--width 1400] [--out output/live_pages]
+                                [--only net] [--width 1400] [--out output/live_pages] [--write]
 
 Simulates each scene with the command line, writes its page with `show`, plays it in chromium while the
-camera turns, and prints a table for docs/live.md. Structures of the NASA Tensegrity Robotics Toolkit are
+camera turns, and prints a table. Structures of the NASA Tensegrity Robotics Toolkit are
 imported from the files that --ntrt names; without them two shipped scenes take their place.
 
-columns    file         size of the page
-           thread       milliseconds of processor time of the page's own thread a frame: scripts, layout, all
-           update       of it the new state: positions, tensions, colours; by the clock, median and 99 %
-           frames/s     shown while the motion plays and the camera turns
-           frame        milliseconds between them by the clock, median and 99 %
-           drawing      milliseconds of processor time of the browser's graphics process a frame. Without a
-                        graphics card it rasterises the picture and puts the page together by software
-           pixels       of the moving picture, a pixel of the page; 1 is all, slow pictures have fewer
+- Page's thread: processor time of the page's own thread a frame, scripts, layout, all.
+- Update: of it the new state (positions, tensions, colours) by the clock, median and 99 %.
+- Frames a second are shown while the motion plays and the camera turns; frame is the time between them.
+- Drawing: processor time of the browser's graphics process a frame. Without a graphics card it rasterises the
+  picture and puts the page together by software.
+- Pixels of the moving picture, a pixel of the page; 1 is all, slow pictures have fewer.
 """
 
 import argparse
@@ -27,9 +25,8 @@ from typing import Any
 
 import numpy as np
 import psutil
-from harness.turns import EXAMPLES, ROOT, markdown_head, markdown_row
+from harness.turns import EXAMPLES, ROOT, draw_bars, find_about, publish, table_text
 
-from tensegrity_codegen.system.provenance import name_processor
 from tests.report.driver import Tab, running_browser
 
 SIDE = 70  # nodes of a side of the net
@@ -67,6 +64,10 @@ damping = 0.5
 """
 MOTIONS = {"tower": ("0.5", "100"), "net": ("0.5", "100")}  # t_end [s], samples
 USUAL = ("2", "200")
+HEADS = (
+    *("page", "members", "samples", "file [MB]", "page's thread [ms]", "update [ms]", "update 99 % [ms]"),
+    *("frames a second", "frame [ms]", "frame 99 % [ms]", "drawing [ms]", "pixels"),
+)
 
 
 def main() -> None:
@@ -77,6 +78,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=8.0, help="seconds that each page plays")
     parser.add_argument("--width", type=int, default=1400, help="width of the window [px]")
     parser.add_argument("--only", nargs="*", help="names of scenes; all if not given")
+    parser.add_argument("--write", action="store_true", help="write into docs/answers_measured.md")
     words = parser.parse_args()
     words.out.mkdir(parents=True, exist_ok=True)
     scenes = {
@@ -89,8 +91,17 @@ def main() -> None:
             tab = Tab(browser, words.width, 860, "light")
             rows.append({"scene": name, "bytes": page.stat().st_size} | measure(tab, page, words.seconds))
         print(json.dumps(rows[-1]), flush=True)
-    print(write_table(rows))
-    print(f"\n{name_processor()}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}")
+    cells = [list_cells(row) for row in rows]
+    worst = min(cells, key=lambda row: float(row[7]))
+    finding = (
+        f"Pages play at {worst[7]} to {max(float(row[7]) for row in cells):g} frames a second without a "
+        "graphics "
+        f"card (least: {worst[0]}, {worst[1]} members)"
+    )
+    bars = draw_bars(HEADS[0], HEADS[7])
+    publish(
+        "answers_measured.md", finding, bars, table_text(HEADS, cells), find_about(__doc__), write=words.write
+    )
 
 
 def write_scenes(words: argparse.Namespace) -> dict[str, Path]:
@@ -197,20 +208,14 @@ def read_metrics(tab: Tab) -> dict[str, float]:
     return {item["name"]: item["value"] for item in tab.send("Performance.getMetrics")["metrics"]}
 
 
-def write_table(rows: list[dict[str, Any]]) -> str:
-    """Return the table of the documentation."""
-    heads = ("page", "members", "samples", "file", "page's thread", "update, 99 %", "frames a second")
-    lines = [markdown_head(*heads, "frame, 99 %", "drawing", "pixels")]
-    for row in rows:
-        (update, slow_update), (frame, slow_frame) = row["update"], row["frame"]
-        lines.append(
-            markdown_row(
-                *(row["scene"], f"{row['members']:,}", row["frames"], f"{row['bytes'] / 1e6:.2f} MB"),
-                *(f"{row['script']:.1f} ms", f"{update:.1f}, {slow_update:.1f} ms", f"{row['rate']:.0f}"),
-                *(f"{frame:.0f}, {slow_frame:.0f} ms", f"{row['draw']:.0f} ms", f"{row['ratio']:.2g}"),
-            )
-        )
-    return "\n".join(lines)
+def list_cells(row: dict[str, Any]) -> tuple[str, ...]:
+    """Return the cells of a page in the table of the documentation."""
+    (update, slow_update), (frame, slow_frame) = row["update"], row["frame"]
+    return (
+        *(row["scene"], f"{row['members']:,}", str(row["frames"]), f"{row['bytes'] / 1e6:.2f}"),
+        *(f"{row['script']:.1f}", f"{update:.1f}", f"{slow_update:.1f}", f"{row['rate']:.0f}"),
+        *(f"{frame:.0f}", f"{slow_frame:.0f}", f"{row['draw']:.0f}", f"{row['ratio']:.2g}"),
+    )
 
 
 if __name__ == "__main__":

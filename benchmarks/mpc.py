@@ -1,6 +1,6 @@
 """Model-predictive control in C: time of a step, and what it gains over stored gains.
 
-python benchmarks/mpc.py
+python benchmarks/mpc.py [--write]
 
 Times are thread CPU time of single steps in the states of simulated loops, compiled as by `build_controller`
 and with -O3 -march=native. Errors are the largest of any coordinate; the loops are those of the acceptance
@@ -8,6 +8,7 @@ tables of feedback (tests/control/feedback): starts off by about 1 deg, stiffnes
 """
 
 import subprocess
+import sys
 import tempfile
 import time
 from collections import Counter
@@ -15,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from harness.turns import markdown_head, markdown_row
+from harness.turns import draw_bars, find_about, publish, table_text
 
 from tensegrity_codegen import (
     ActuatorLimits,
@@ -35,6 +36,8 @@ from tests.control.feedback.pinned_prism import build_prism, draw_errors, move_p
 from tests.control.feedback.tower_motion import build_tower, draw_tower_errors, move_tower
 
 DRAWS = 5
+TIMES = ("controller", "flags", "median [ms]", "99 % below [ms]", "steps with a limit", "not solved")
+LOOPS = ("errors on the way, at the end; least tension; commands cut", "LQR", "MPC")
 NATIVE = ("gcc", "-std=c99", "-O3", "-march=native", "-fPIC", "-shared")
 
 
@@ -68,8 +71,8 @@ class Case:
         )  # fmt: skip
 
 
-def time_steps(case: Case, mpc: Any, native: bool) -> str:
-    """Return median and 99 % of the time of a step in the states of two simulated loops."""
+def time_steps(case: Case, mpc: Any, native: bool) -> tuple[str, ...]:
+    """Return flags, median and 99 % of the time of a step in the states of two simulated loops."""
     runs = case.simulate(mpc, case.draws[:2])
     folder = Path(tempfile.mkdtemp()) / "controller"
     bundle = build_controller(case.model, case.motion, mpc, out=folder, code=ControllerCode(name="ahead"))
@@ -87,9 +90,9 @@ def time_steps(case: Case, mpc: Any, native: bool) -> str:
             words[word] += 1
     middle, high = np.quantile(spent, [0.5, 0.99])
     limited = sum(count for word, count in words.items() if word != "ok")
-    return (
-        f"{middle:.2f} / {high:.2f} ms; {limited} of {len(spent)} limited, {words['not_solved']} not solved"
-    )
+    flags = "-O3 -march=native" if native else "as built"
+    counts = (f"{limited} of {len(spent)}", f"{words['not_solved']}")
+    return (flags, f"{middle:.2f}", f"{high:.2f}", *counts)
 
 
 def measure(case: Case, runs: list[Any], last: float = 0.5) -> str:
@@ -133,7 +136,7 @@ def follow(case: Case, feedback: Any, offset: Any) -> str:
 
 
 def main() -> None:
-    """Print both tables."""
+    """Print both tables, and write them if asked to."""
     prism_model, tower_model = build_prism(), build_tower()
     prism = Case(
         "prism", prism_model, move_prism(prism_model),
@@ -143,17 +146,15 @@ def main() -> None:
         "tower", tower_model, move_tower(tower_model),
         [draw_tower_errors(tower_model, seed) for seed in range(DRAWS)], 0.01, -np.inf,
     )  # fmt: skip
-    print(markdown_head("step, median / 99 %", "as built", "-O3 -march=native"))
     least = tower.design(design_mpc, least_tension=1.0)
     cases = ((prism, prism.mpc, "prism, 9 motors"), (tower, tower.mpc, "tower, 18 motors"),
              (tower, least, "tower, least tensions of 1 N"))  # fmt: skip
-    for case, mpc, name in cases:
-        print(markdown_row(name, time_steps(case, mpc, False), time_steps(case, mpc, True)), flush=True)
-    print()
-    print(markdown_head("errors on the way, at the end; least tension; cut", "LQR", "MPC"))
+    times = [(name, *time_steps(case, mpc, native)) for case, mpc, name in cases for native in (False, True)]
+    loops: list[tuple[str, ...]] = []
 
     def row(name: str, *texts: str) -> None:
-        print(markdown_row(name, *texts), flush=True)
+        loops.append((name, *texts))
+        print(*loops[-1], sep=" | ", flush=True)
 
     for case in (prism, tower):
         row(f"{case.name}", *(measure(case, case.simulate(item)) for item in (case.gains, case.mpc)))
@@ -188,6 +189,14 @@ def main() -> None:
         "prism, target that swings by 2 deg at 1 Hz",
         *(follow(prism, item, offset) for item in (prism.gains, prism.mpc)),
     )
+    slow, fast = (choose(times, key=lambda row: float(row[2])) for choose in (max, min))
+    finding = (
+        f"A step of model-predictive control takes {fast[2]} ms ({fast[0]}, {fast[1]}) to {slow[2]} ms "
+        f"({slow[0]}, "
+        f"{slow[1]}) at the median, 99 % take less than {max(float(cells[3]) for cells in times):g} ms"
+    )
+    parts = (draw_bars("controller, flags", TIMES[2]), table_text(TIMES, times), table_text(LOOPS, loops))
+    publish("control_measured.md", finding, *parts, find_about(__doc__), write="--write" in sys.argv)
 
 
 if __name__ == "__main__":

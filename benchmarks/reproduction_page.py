@@ -1,22 +1,25 @@
-"""Write the table of docs/reproduction.md from the result of `reproduce`.
+"""Three papers recomputed by `reproduce`, as the tables of docs/reproduction.md.
 
-tensegrity-codegen reproduce all --out output/reproduction --json > output/reproduction.json
-python benchmarks/reproduction_page.py output/reproduction.json
+python benchmarks/reproduction_page.py [--write]
+
+A difference is "paper wrong" where a printed formula or count does not hold, "data missing" where what was
+computed with is not printed, "we differ" where our model leaves out what was measured; an agreement is "ours
+corrected" where it needs data that were corrected here.
 """
 
+import argparse
 import json
+import subprocess
 import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
-from harness.turns import ROOT, markdown_head, markdown_row, replace_figures
+from harness.turns import ROOT, draw_bars, find_about, markdown_head, markdown_row, publish, table_text
 
 from tensegrity_codegen.report.pages.page import CAUSES
 
-DOCUMENT = ROOT / "docs" / "reproduction.md"
-BEGIN, END = "<!-- figures: benchmarks/reproduction_page.py -->", "<!-- end of figures -->"
+PAGE = "reproduction.md"
 PAPERS = {
     "sk": "Savin and Khusainov (S&K)",
     "lin": "Lin, Li, Ji and Che (LIN)",
@@ -31,28 +34,32 @@ WORDS = {
 HEAD = markdown_head("in the paper", "what", "finding", "in numbers")
 
 
-def write_tables(finding: str, papers: Mapping[str, Sequence[Mapping[str, str]]]) -> str:
-    """Return Markdown: the finding and counts, then a table for each paper."""
-    counts = Counter(row["verdict"] for rows in papers.values() for row in rows)
-    parts = [
-        f"**{finding}.** For {counts['unstated']} results the paper prints no numbers, and {counts['new']} "
-        "are not in the papers."
-    ]
-    for name, rows in papers.items():
+def write_tables(papers: Mapping[str, Sequence[Mapping[str, str]]]) -> list[str]:
+    """Return Markdown: a chart and its table of verdicts, then a table for each paper."""
+    counts = {PAPERS[name]: Counter(row["verdict"] for row in rows) for name, rows in papers.items()}
+    rows = [(name, *(found[verdict] for verdict in WORDS)) for name, found in counts.items()]
+    parts = [draw_bars("paper", ", ".join(WORDS.values())), table_text(("paper", *WORDS.values()), rows)]
+    for name, results in papers.items():
         lines = [f"## {PAPERS[name]}", "", HEAD]
-        for row in rows:
+        for row in results:
             finding = ": ".join(filter(None, (WORDS[row["verdict"]], CAUSES.get(row["cause"]))))
             cells = (row["source"], row["title"], finding, row["result"])
             lines.append(markdown_row(*(cell.replace("|", "\\|") for cell in cells)))
         parts.append("\n".join(lines))
-    return "\n\n".join(parts)
+    return parts
 
 
-def main(arguments: Sequence[str]) -> None:
-    """Replace what stands between the two marks of the page."""
-    found: dict[str, Any] = json.loads(Path(arguments[0]).read_text(encoding="utf-8"))
-    replace_figures(DOCUMENT, BEGIN, END, write_tables(found["finding"], found["papers"]))
+def main() -> None:
+    """Recompute the papers, and write the page if asked to."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--write", action="store_true", help=f"write docs/{PAGE}")
+    chosen = parser.parse_args()
+    folder = ROOT / "output" / "reproduction"
+    command = [sys.executable, "-m", "tensegrity_codegen", "reproduce", "all", "--out", str(folder), "--json"]
+    done = subprocess.run([*command, "--overwrite"], stdout=subprocess.PIPE, text=True, check=True)
+    found: dict[str, Any] = json.loads(done.stdout)
+    publish(PAGE, found["finding"], *write_tables(found["papers"]), find_about(__doc__), write=chosen.write)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

@@ -20,7 +20,7 @@ import argparse
 import json
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -28,10 +28,10 @@ from typing import Any
 import mujoco
 import numpy as np
 from harness.turns import (
-    ROOT,
-    describe_origin,
+    draw_bars,
+    find_about,
     measure_call,
-    replace_figures,
+    publish,
     table_text,
     take_turns,
     time_in_turns,
@@ -72,8 +72,8 @@ MUJOCO_COUNTS = tuple(range(400, 500, 5))  # steps of the flight
 MUJOCO_STEPS = (2e-3, 5e-4, 1.25e-4, 3.125e-5, 7.8125e-6)
 MUJOCO_INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4")
 FLAGS = {"": "", ", without constraints": '<flag constraint="disable"/>'}
-BEGIN, END = "<!-- figures: benchmarks/robots.py -->", "<!-- end of figures -->"
-DOCUMENT = ROOT / "docs" / "robots_measured.md"
+PAGE = "robots_measured.md"
+FLIGHT = ("program", "setting", "error [m]", "CPU [ms]", "times slower than our C")
 # Runs of the library's own integrator, timed in C; prints the seconds of one run, then the state at the end.
 DRIVER = """
 #include <stdio.h>
@@ -111,9 +111,9 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=9, help="rounds of the times")
     parser.add_argument("--only", nargs="*", choices=("flight", "ground"), default=("flight", "ground"))
     parser.add_argument("--json", type=Path, help="file for all rows")
-    parser.add_argument("--write", action="store_true", help=f"write the figures into {DOCUMENT.name}")
+    parser.add_argument("--write", action="store_true", help=f"write docs/{PAGE}")
     chosen = parser.parse_args()
-    found: dict[str, Any] = {"origin": describe_origin()}
+    found: dict[str, Any] = {}
     if "flight" in chosen.only:
         found["flight"] = measure_flight(chosen.rounds)
     if "ground" in chosen.only:
@@ -123,25 +123,44 @@ def main() -> None:
             for t_end in GROUND_TIMES
             for row in measure_ground(slope, t_end, chosen.rounds)
         ]
-    text = "\n\n".join([found["origin"], *print_tables(found)])
-    print(text)
     if chosen.json:
         chosen.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
-    if chosen.write:
-        replace_figures(DOCUMENT, BEGIN, END, text)
+    parts = (*print_tables(found), find_about(__doc__))
+    publish(PAGE, describe_finding(found), *parts, write=chosen.write)
+
+
+def describe_finding(found: Mapping[str, Sequence[Row]]) -> str:
+    """Return the ratio to MuJoCo in flight, and the least and largest ones on the ground."""
+    words = []
+    if "flight" in found:
+        own = {row["name"]: row["seconds"] for row in found["flight"]}
+        peer = min(seconds for name, seconds in own.items() if name.startswith("MuJoCo"))
+        call = next(seconds for name, seconds in own.items() if name.startswith("simulate"))
+        words.append(
+            f"in flight at equal error MuJoCo takes {peer / own['C alone']:.1f} times the time of our C, "
+            f"{peer / call:.2g} times that of `simulate`"
+        )
+    if "ground" in found:
+        rows = [row for row in found["ground"] if row["name"].startswith("MuJoCo")]
+        ratios = {row["ratio"] for row in rows if row["setting"] == rows[0]["setting"]}
+        least, most = min(ratios), max(ratios)
+        words.append(f"on the ground {least:.2g} to {most:.2g} times at its step of {rows[0]['setting']}")
+    text = ", ".join(words)
+    return text[0].upper() + text[1:]
 
 
 def print_tables(found: Mapping[str, Any]) -> Iterator[str]:
     """Yield the tables of what was measured, as Markdown."""
     if "flight" in found:
-        head = ("flight, 0.5 s", "setting", "error [m]", "CPU [ms]", "times slower than our C")
         own = next(row["seconds"] for row in found["flight"] if row["name"] == "C alone")
         rows = [
             (row["name"], row["setting"], f"{row['error']:.1e}", f"{1e3 * row['seconds']:.3f}",
              f"{row['seconds'] / own:.1f}")
             for row in found["flight"]
         ]  # fmt: skip
-        yield table_text(head, rows)
+        yield f"A flight of {FLIGHT_TIME} s:"
+        yield draw_bars(FLIGHT[0], FLIGHT[4])
+        yield table_text(FLIGHT, rows)
     if "ground" in found:
         yield from print_ground(found["ground"])
 
@@ -154,7 +173,8 @@ def print_ground(rows: list[Row]) -> Iterator[str]:
     for is_ours, words in ((False, "change [m] when halved"), (True, "change [m] from rtol 1e-12")):
         chosen = {key: group for key, group in groups.items() if key[2].startswith("ours") == is_ours}
         settings = [row["setting"] for row in next(iter(chosen.values()))]
-        last = ("CPU [ms]",) if is_ours else ("CPU [ms] at the last", "times slower than ours")
+        more = ("CPU [ms] at the last", "times slower than ours", "at the first")
+        last = ("CPU [ms]",) if is_ours else more
         head = ("floor", "time [s]", f"program, {words}", *settings, *last)
         yield table_text(head, [list(list_cells(key, group, is_ours)) for key, group in chosen.items()])
 
@@ -167,7 +187,7 @@ def list_cells(key: tuple[float, float, str], group: list[Row], is_ours: bool) -
     times = [f"{1e3 * row['seconds']:.1f}" for row in group]
     yield ", ".join(times) if is_ours else times[-1]
     if not is_ours:
-        yield f"{group[-1]['ratio']:.0f}"
+        yield from (f"{group[k]['ratio']:.2g}" for k in (-1, 0))
 
 
 def make_robot(slope: float | None) -> dict[str, Any]:

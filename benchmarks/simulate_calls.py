@@ -37,10 +37,10 @@ import numpy as np
 from harness.cvode_calls import Rates
 from harness.simulate_cases import CASES, SAMPLES, Case, Truth, find_truth, place_file
 from harness.turns import (
-    ROOT,
-    describe_origin,
+    draw_bars,
+    find_about,
     measure_call,
-    replace_figures,
+    publish,
     table_text,
     take_turns,
 )
@@ -69,8 +69,7 @@ FASTER = 3.0  # times, by which others are no more rivals of a peer
 CANDIDATES = 2  # of them that reach the least error, of which the fastest counts
 PROGRAMS = ("MuJoCo", "CVODE")
 KINDS = {"own": "at the error that ours has", "asked": "at the error asked for"}
-BEGIN, END = "<!-- figures: benchmarks/simulate_calls.py -->", "<!-- end of figures -->"
-DOCUMENT = ROOT / "docs" / "simulate_calls.md"
+PAGE = "simulate_calls.md"
 
 
 @dataclass
@@ -315,22 +314,35 @@ def write_rows(rows: Sequence[Row], file: Path) -> None:
     file.write_text(json.dumps(data, indent=1), encoding="utf-8")
 
 
-def write_text(rows: Sequence[Row], has_peers: bool) -> str:
-    """Return origin, tables and summary."""
+def describe_finding(rows: Sequence[Row]) -> str:
+    """Return the median and the least ratio of each program at the error asked for."""
+    ratios = {name: np.array([row.ratio("asked", name) for row in rows if row.peers]) for name in PROGRAMS}
+    reached = {name: found[np.isfinite(found)] for name, found in ratios.items()}
+    if not all(len(found) for found in reached.values()):
+        return f"{len(rows)} calls, at most {max(1e3 * row.seconds for row in rows):.0f} ms"
+    middle = [f"{np.median(reached[name]):.2g} times" for name in PROGRAMS]
+    worst = [f"{reached[name].min():.2g}" for name in PROGRAMS]
+    return (
+        f"At the error asked for {middle[0]} as fast as {PROGRAMS[0]} and {middle[1]} as {PROGRAMS[1]} "
+        "at the "
+        f"median, {' and '.join(worst)} at worst"
+    )
+
+
+def write_parts(rows: Sequence[Row], has_peers: bool) -> tuple[str, ...]:
+    """Return a chart, tables and summary."""
     if not has_peers:
-        return "\n\n".join((describe_origin(), table_text(HEADS, [row.cells() for row in rows])))
-    others = [head for program in PROGRAMS for head in (f"{program} [ms]", "over ours")]
+        return (draw_bars("structure, rtol", "CPU [ms]"), table_text(HEADS, [row.cells() for row in rows]))
+    others = [head for program in PROGRAMS for head in (f"{program} [ms]", f"{program} over ours")]
     own = [(*row.cells(), *peer_cells(row, "own")) for row in rows]
     asked = [(*row.cells()[:3], f"{row.asked:.1e}", *peer_cells(row, "asked")) for row in rows]
-    return "\n\n".join(
-        (
-            describe_origin(),
-            "At the error that ours has:",
-            table_text((*HEADS, *others), own),
-            "At the error asked for:",
-            table_text((*HEADS[:3], "error asked for [m]", *others), asked),
-            "\n".join(summarise(rows)),
-        )
+    return (
+        "At the error asked for:",
+        draw_bars("structure, rtol", "CVODE over ours"),
+        table_text((*HEADS[:3], "error asked for [m]", *others), asked),
+        "At the error that ours has:",
+        table_text((*HEADS, *others), own),
+        "\n".join(summarise(rows)),
     )
 
 
@@ -361,13 +373,10 @@ def main() -> None:
         time_in_turns(calls, QUICK_ROUNDS if words.quick else ROUNDS)
         rows += found
         print(f"{case.name}: done", file=sys.stderr, flush=True)
-    text = write_text(rows, not words.ours_only)
-    print(text)
     if words.json:
         write_rows(rows, words.json)
-    if words.write:
-        about = (__doc__ or "").split("\n\n", 2)[2].strip()
-        replace_figures(DOCUMENT, BEGIN, END, f"{about}\n\n{text}")
+    parts = write_parts(rows, not words.ours_only)
+    publish(PAGE, describe_finding(rows), *parts, find_about(__doc__), write=words.write)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Run `stability` for the example scenes and write the figures of docs/stability.md.
 
 python benchmarks/stability_pages.py [--ntrt 3Prism.yaml] [--out output/stability] [--t-end 0.1] [--limit 2]
-                                     [--budget 540] [--only prism planar] [--no-write]
+                                     [--budget 540] [--only prism planar] [--write]
 
 Each scene has a page of its own in a folder of its own, and --budget seconds by the clock. A second run
 resumes: it keeps finished cases and runs the others. The common prism is imported from tables that this
@@ -18,15 +18,14 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from harness.turns import EXAMPLES, ROOT, describe_origin, markdown_head, markdown_row, replace_figures
+from harness.turns import EXAMPLES, ROOT, find_about, markdown_head, markdown_row, publish
 
 from tensegrity_codegen.studies.stability.judge import VERDICTS
 from tensegrity_codegen.studies.stability.page import WORDS
 from tests.common_prism import BARS, PLACES, STRINGS, span
 
-DOCUMENT = ROOT / "docs" / "stability.md"
+PAGE = "stability.md"
 SCENES = ("prism", "planar", "icosahedron", "tower")
-BEGIN, END = "<!-- figures: benchmarks/stability_pages.py -->", "<!-- end of figures -->"
 # The example prism: file -> what stands behind the kind of its cables, and at its end.
 VARIANTS = {
     "standing": (
@@ -48,7 +47,7 @@ def main() -> None:
     parser.add_argument("--limit", type=float, default=2.0, help="CPU time a run [s]")
     parser.add_argument("--budget", type=float, default=540.0, help="time by the clock a scene [s]")
     parser.add_argument("--only", nargs="*", help="names of scenes; all if not given")
-    parser.add_argument("--no-write", action="store_true", help="print the figures only")
+    parser.add_argument("--write", action="store_true", help=f"write docs/{PAGE}")
     words = parser.parse_args()
     words.out.mkdir(parents=True, exist_ok=True)
     scenes = {name: EXAMPLES / f"{name}.toml" for name in SCENES}
@@ -57,10 +56,8 @@ def main() -> None:
     scenes |= {file.stem: import_file(words.out, file.stem, file) for file in words.ntrt}
     chosen = {name: scene for name, scene in scenes.items() if not words.only or name in words.only}
     found = {name: run_scene(scene, words) for name, scene in chosen.items()}
-    text = write_figures(found)
-    print(text)
-    if not words.no_write:
-        replace_figures(DOCUMENT, BEGIN, END, text)
+    own = [row for data in found.values() for row in data["rows"] if row["is_own"]]
+    publish(PAGE, describe_own(own), write_figures(found), find_about(__doc__), write=words.write)
 
 
 def write_variant(folder: Path, name: str) -> Path:
@@ -132,13 +129,10 @@ def write_figures(found: dict[str, dict[str, Any]]) -> str:
     used = [verdict for verdict in VERDICTS if verdict in given or verdict in ("survived", "wrong")]
     shown = ", ".join(WORDS[verdict] for verdict in used)
     lines = [
-        describe_own([row for rows in own.values() for row in rows]),
-        "",
         f"<!-- site: bars scene: {shown} -->",
         "",
         f"Each motion lasts {first['t_end']:g} s. A run may take {limits['run']:g} s of CPU time, one for a "
-        f"reference {limits['reference']:g} s, a scene {limits['total']:g} s by the clock. "
-        f"{describe_origin()}",
+        f"reference {limits['reference']:g} s, a scene {limits['total']:g} s by the clock.",
         "",
         'Our methods. "Stated bound" and "positions" say of how many right results velocities are judged '
         "by the bound that the run states, or not at all.",
@@ -163,8 +157,8 @@ def describe_own(rows: Sequence[dict[str, Any]]) -> str:
         for verdict in VERDICTS
         if counts[verdict] and verdict not in ("survived", "wrong")
     ]
-    rest = f" Of {len(rows):,} runs the others are: {', '.join(others)}." if others else ""
-    return f"**{counts['wrong']:,} of {checked:,} checked results of our methods are wrong.**{rest}"
+    rest = f"; of {len(rows):,} runs the others are: {', '.join(others)}" if others else ""
+    return f"{counts['wrong']:,} of {checked:,} checked results of our methods are wrong{rest}"
 
 
 def peer_lines(rows: list[dict[str, Any]]) -> list[str]:

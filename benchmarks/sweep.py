@@ -1,6 +1,7 @@
 """Many cases of one prism by `sweep`, beside the bare batch functions and other ways to compute them.
 
 python benchmarks/sweep.py [--only equilibria|motions|evaluations] [--rounds 3] [--part 1.0] [--peers 40]
+                           [--write]
 
 equilibria: 10,000 over load and prestress. motions: 1,000 of 1 s over stiffness and start, bars a thousand
 times as stiff as cables, positions at the end within 1e-5 m of Runge-Kutta 8(5,3) at a tolerance of 1e-11.
@@ -13,20 +14,19 @@ Other ways compute a few of the cases (--peers), and count as if the others took
 
 import argparse
 import os
-import platform
 import shutil
 import statistics
 import tempfile
 import time
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
-from harness.turns import EXAMPLES
+from harness.turns import EXAMPLES, draw_bars, find_about, publish, table_text
 from numpy.typing import NDArray
 from scipy import integrate, optimize
 
@@ -41,6 +41,8 @@ from tensegrity_codegen.sweeps.sweep import PreparedSweep, prepare_sweep
 FloatArray = NDArray[np.float64]
 
 SCENE = EXAMPLES / "prism.toml"
+PAGE = "sweep_measured.md"
+HEADS = ("cases", "way", "cases a second", "wall, each [ms]", "CPU, each [ms]", "rate over the first")
 ERROR = 1e-5  # [m] of positions at the end of motions
 CHECKED = 16  # motions whose error is looked at
 STEPS = (1e-4, 5e-5, 2.5e-5, 1e-5, 5e-6)  # [s] of MuJoCo
@@ -77,16 +79,35 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--part", type=float, default=1.0, help="of the cases")
     parser.add_argument("--peers", type=int, default=40, help="cases of other ways")
+    parser.add_argument("--write", action="store_true", help=f"write into docs/{PAGE}")
     given = parser.parse_args()
-    print(
-        f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.2f}"
-    )
+    rows: list[tuple[str, ...]] = []
     folder = Path(tempfile.mkdtemp(prefix="sweep-benchmark-"))
     try:
         for name in (given.only,) if given.only else KINDS:
-            KINDS[name](folder, given)
+            rows += [(name, *cells) for cells in KINDS[name](folder, given)]
     finally:
         shutil.rmtree(folder)
+    parts = (draw_bars("cases, way", HEADS[2]), table_text(HEADS, rows), find_about(__doc__))
+    publish(PAGE, describe_finding(rows), *parts, write=given.write)
+
+
+def describe_finding(rows: Sequence[Sequence[str]]) -> str:
+    """Return for each kind the rate of two workers over those of the batch function and the fastest other."""
+    words = []
+    for kind in dict.fromkeys(row[0] for row in rows):
+        rates = {row[1]: float(row[2].replace(",", "")) for row in rows if row[0] == kind}
+        two = next((rate for way, rate in rates.items() if way.startswith("sweep, 2")), None)
+        others = {way: rate for way, rate in rates.items() if not way.startswith(("sweep", "batch"))}
+        if two and others:
+            best = max(others, key=lambda way: others[way])
+            batch = next(rate for way, rate in rates.items() if way.startswith("batch"))
+            words.append(
+                f"{kind}: {two / batch:.2g} times the rate of the batch function on one core, "
+                f"{two / others[best]:.2g} "
+                f"times that of the fastest other way ({best})"
+            )
+    return f"A sweep with two workers, {'; '.join(words)}"
 
 
 def make_work(folder: Path, scene: dict[str, Any], operation: CaseAnalysis, **options: Any) -> Work:
@@ -109,8 +130,9 @@ def prepare_library(group: Any, operation: CaseAnalysis) -> Any:
     return build_library(group.structure, library_request(group, operation)).load()
 
 
-def compare(ways: dict[str, Way], rounds: int, first: str) -> None:
-    """Print medians of all ways, run side by side in rounds; ratios are to the rate of the first."""
+def compare(ways: dict[str, Way], rounds: int, first: str) -> list[tuple[str, ...]]:
+    """Print and return medians of all ways, run in rounds; ratios are to the rate of the first."""
+    rows = []
     seconds: dict[str, list[tuple[float, float]]] = {name: [] for name in ways}
     for _ in range(rounds):
         for name, way in ways.items():
@@ -125,6 +147,9 @@ def compare(ways: dict[str, Way], rounds: int, first: str) -> None:
         wall = wall_of[name]
         times = f"{1e3 * wall:9.4f} ms {1e3 * cpu:9.4f} ms"
         print(f"{name:44} {1 / wall:15.1f} {times} {wall_of[first] / wall:7.3g}", flush=True)
+        cells = (f"{1 / wall:,.1f}", f"{1e3 * wall:.4g}", f"{1e3 * cpu:.4g}", f"{wall_of[first] / wall:.3g}")
+        rows.append((name, *cells))
+    return rows
 
 
 def list_sweeps(work: Work) -> dict[str, Way]:
@@ -160,7 +185,7 @@ def read_scene() -> dict[str, Any]:
 # --- equilibria --------------------------------------------------------------------------------------
 
 
-def equilibria(folder: Path, given: argparse.Namespace) -> None:
+def equilibria(folder: Path, given: argparse.Namespace) -> list[tuple[str, ...]]:
     """Compare ways to find equilibria over load and prestress."""
     side = max(2, round(100 * given.part**0.5))
     over = {"loads[0].force[2]": f"-6:0:{side}", "shape.prestress": f"5:12:{side}"}
@@ -175,7 +200,7 @@ def equilibria(folder: Path, given: argparse.Namespace) -> None:
 
     ways["find_equilibrium in a loop"] = alone
     ways["scipy.optimize.root over CasADi functions"] = _make_root(work, chosen)
-    compare(ways, given.rounds, "batch function, 1 core, to .npz")
+    return compare(ways, given.rounds, "batch function, 1 core, to .npz")
 
 
 def _functions(work: Work, *quantities: str) -> tuple[Any, list[list[FloatArray]]]:
@@ -219,7 +244,7 @@ def _make_root(work: Work, chosen: list[int]) -> Way:
 # --- motions -----------------------------------------------------------------------------------------
 
 
-def motions(folder: Path, given: argparse.Namespace) -> None:
+def motions(folder: Path, given: argparse.Namespace) -> list[tuple[str, ...]]:
     """Compare ways to integrate motions over stiffness and start."""
     side = max(2, round((1000 * given.part) ** 0.5))
     over = {"classes.cable.spring_constant": f"150:250:{side}", "node_velocity.t1[2]": f"-0.5:0.5:{side}"}
@@ -240,7 +265,7 @@ def motions(folder: Path, given: argparse.Namespace) -> None:
     ways = list_sweeps(work) | _list_single(work, chosen, float(rtol))
     ways["solve_ivp (DOP853) over CasADi functions"] = _make_solve_ivp(work, chosen[:4], float(rtol))
     ways |= _list_mujoco(work, chosen, looked, end)
-    compare(ways, given.rounds, "batch function, 1 core, to .npz")
+    return compare(ways, given.rounds, "batch function, 1 core, to .npz")
 
 
 def run_alone(work: Work, k: int, rtol: float) -> FloatArray:
@@ -370,9 +395,10 @@ def _force(mujoco: Any, model: Any, state: FloatArray) -> FloatArray:
 # --- evaluations -------------------------------------------------------------------------------------
 
 
-def evaluations(folder: Path, given: argparse.Namespace) -> None:
+def evaluations(folder: Path, given: argparse.Namespace) -> list[tuple[str, ...]]:
     """Show how long tensions of a Monte Carlo sample take, and how much memory."""
     sample = {f"rest_length.vertical{k}": "normal(0.2, 1e-3)" for k in (1, 2, 3)}
+    rows: list[tuple[str, ...]] = []
     sample |= {"node_position.t1[2]": "normal(0.3, 1e-3)", "node_position.t2[2]": "normal(0.3, 1e-3)"}
     for count in (round(1e5 * given.part), round(1e6 * given.part)):
         operation = build_analysis("evaluate", "member_tension")
@@ -390,6 +416,9 @@ def evaluations(folder: Path, given: argparse.Namespace) -> None:
             f"{spent:.1f} s; largest memory: {memory[0]:.0f} MB here, {memory[1]:.0f} MB in a worker",
             flush=True,
         )
+        way = f"sweep, 2 workers, {count:,} cases: at most {max(memory):.0f} MB a process"
+        rows.append((way, f"{count / spent:,.1f}", f"{1e3 * spent / count:.4g}", "", ""))
+    return rows
 
 
 def _peak(kind: str) -> float:

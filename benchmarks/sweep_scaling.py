@@ -1,16 +1,15 @@
 """How a sweep scales to 1,000 workers: measured overhead, measured tasks, and a simulation of the queue.
 
-python benchmarks/sweep_scaling.py [--quick]
+python benchmarks/sweep_scaling.py [--quick] [--write]   needs distributed
 
 Measured on this machine: processor time of Dask's scheduler (and of the client, in the same process) for an
 empty task on a LocalCluster; processor time of tasks of several sizes on one core, fitted by a + b n; time to
 write the results of a task to the store, in memory (which the simulation uses) and on disk. The simulation
 has a queue for the scheduler, one for the writing of results, and any number of workers; it prints the
-overhead of each batch size, and the least batch size whose overhead is below 5 %. Written for docs/sweep.md.
+overhead of each batch size, and the least batch size whose overhead is below 5 %.
 """
 
 import heapq
-import os
 import statistics
 import sys
 import tempfile
@@ -22,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from harness.turns import EXAMPLES
+from harness.turns import EXAMPLES, draw_bars, find_about, publish, table_text
 
 from tensegrity_codegen.analyses.cases.record import CaseAnalysis, TaskResult
 from tensegrity_codegen.analyses.equilibrium import FindEquilibrium
@@ -34,8 +33,8 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.sweeps.cases.cases import Axis, Cases
 from tensegrity_codegen.sweeps.cases.layout import CaseLayout
 from tensegrity_codegen.sweeps.store.store import StoreContents, SweepStore, create_store
-from tensegrity_codegen.system.provenance import name_processor
 
+PAGE = "sweep_measured.md"
 WORKERS = (1, 10, 100, 1000)
 SIZES = (64, 256, 1024, 4096, 16384)
 TASKS_OF_A_WORKER = 50
@@ -241,57 +240,72 @@ def measure_write(
     return min(times)
 
 
-def describe_operation(name: str, rows: Sequence[Row], scatter: float, cpu: float, latency: float) -> Costs:
-    """Print the measured times of an operation, and return what the simulation uses of them."""
-    sizes = [row.size for row in rows]
-    fixed, per_case = fit_line(sizes, [row.seconds for row in rows])
-    write, write_per_case = fit_line(sizes, [row.write for row in rows])
-    costs = Costs(cpu, write, write_per_case, fixed, per_case, latency, scatter)
-    print(f"### {name}\n")
-    print("| cases a task | task [ms] | a case [us] | writing, to memory [ms] | to this disk [ms] |")
-    print("|---|---|---|---|---|")
-    for row in rows:
-        each = 1e6 * row.seconds / row.size
-        times = f"{1e3 * row.seconds:.3g} | {each:.3g} | {1e3 * row.write:.3g} | {1e3 * row.disk:.3g}"
-        print(f"| {row.size} | {times} |")
-    print(
-        f"\nfit: {1e3 * fixed:.3g} ms + {1e6 * per_case:.3g} us a case; writing {1e3 * write:.3g} ms + "
-        f"{1e6 * write_per_case:.3g} us a case; times of equal tasks scatter by {100 * scatter:.0f} %"
+def describe_operation(name: str, rows: Sequence[Row], costs: Costs) -> str:
+    """Return the measured times of an operation, and what the simulation uses of them."""
+    heads = ("cases a task", "task [ms]", "a case [us]", "writing, to memory [ms]", "to this disk [ms]")
+    cells = [
+        (row.size, *(f"{value:.3g}" for value in
+                     (1e3 * row.seconds, 1e6 * row.seconds / row.size, 1e3 * row.write, 1e3 * row.disk)))
+        for row in rows
+    ]  # fmt: skip
+    most = costs.per_case / costs.write_per_case if costs.write_per_case > 0.0 else np.inf
+    fit = (
+        f"Fit: {1e3 * costs.fixed:.3g} ms + {1e6 * costs.per_case:.3g} us a case; writing "
+        f"{1e3 * costs.write:.3g} "
+        f"ms + {1e6 * costs.write_per_case:.3g} us a case, so that results of at most {most:,.0f} "
+        "workers can be "
+        f"written at their rate; times of equal tasks scatter by {100 * costs.spread:.0f} %."
     )
-    if write_per_case > 0.0:
-        print(f"results of at most {per_case / write_per_case:,.0f} workers can be written at their rate\n")
-    return costs
+    return f"### {name}\n\n{table_text(heads, cells)}\n\n{fit}"
 
 
-def print_overheads(costs: Costs, sizes: Sequence[int]) -> None:
-    """Print the overhead of each size for each number of workers, and the least size below the limit."""
-    print("| cases a task | " + " | ".join(f"{workers:,} workers" for workers in WORKERS) + " |")
-    print("|---" * (len(WORKERS) + 1) + "|")
-    for size in sizes:
-        cells = [f"{100 * compute_overhead(costs, workers, size):.0f} %" for workers in WORKERS]
-        print(f"| {size:,} | " + " | ".join(cells) + " |")
+def list_overheads(name: str, costs: Costs, sizes: Sequence[int]) -> list[tuple[str, ...]]:
+    """Return the overhead of each size for each number of workers, and the least size below the limit."""
+    rows = [
+        (name, f"{size:,}", *(f"{100 * compute_overhead(costs, workers, size):.0f}" for workers in WORKERS))
+        for size in sizes
+    ]
     least = [find_least_size(costs, workers) for workers in WORKERS]
-    words = ["none" if size is None else f"{size:,}" for size in least]
-    print("| **least below 5 %** | " + " | ".join(words) + " |\n")
+    return [
+        *rows,
+        (name, "least below 5 %", *("none" if size is None else f"{size:,} cases" for size in least)),
+    ]
 
 
-def main(quick: bool) -> None:
-    """Measure, simulate, and print the tables."""
-    print(f"{name_processor()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}\n")
+def main(quick: bool, write: bool) -> None:
+    """Measure, simulate, and print the tables, or write them into the page."""
     cpu, wall, latency = measure_scheduler((500, 1000) if quick else (2000, 4000, 8000))
-    print(
-        f"Dask, empty tasks: {1e6 * cpu:.0f} us of processor time, {1e6 * wall:.0f} us of wall time a task;"
-    )
-    print(f"{1e3 * latency:.1f} ms from the order of a single task to its result\n")
     sizes, rounds = (SIZES[:3], 3) if quick else (SIZES, 7)
     memory = "/dev/shm" if Path("/dev/shm").is_dir() else None
+    overheads, texts = [], []
     with tempfile.TemporaryDirectory() as disk, tempfile.TemporaryDirectory(dir=memory) as fast:
         for number, (name, operation, model) in enumerate(prepare_operations()):
             folders = Path(fast, str(number)), Path(disk, str(number))
             rows, scatter = measure_operation(operation, model, sizes, rounds, folders)
-            costs = describe_operation(name, rows, scatter, cpu, latency)
-            print_overheads(costs, (64, 1024, 16384))
+            fixed, per_case = fit_line([row.size for row in rows], [row.seconds for row in rows])
+            writing = fit_line([row.size for row in rows], [row.write for row in rows])
+            costs = Costs(cpu, *writing, fixed, per_case, latency, scatter)
+            texts.append(describe_operation(name, rows, costs))
+            overheads += list_overheads(name, costs, (64, 1024, 16384))
+    heads = ("operation", "cases a task", *(f"{workers:,} workers" for workers in WORKERS))
+    publish(
+        PAGE,
+        describe_finding(overheads),
+        f"Dask, empty tasks: {1e6 * cpu:.0f} us of processor time, {1e6 * wall:.0f} us of wall time a task; "
+        f"{1e3 * latency:.1f} ms from the order of a single task to its result. Overhead, in %:",
+        draw_bars("operation, cases a task", heads[-1]),
+        table_text(heads, overheads),
+        *texts,
+        find_about(__doc__),
+        write=write,
+    )
+
+
+def describe_finding(rows: Sequence[Sequence[str]]) -> str:
+    """Return the cases a task that most workers need for each operation."""
+    needed = [f"{row[-1]} ({row[0]})" for row in rows if row[1].startswith("least")]
+    return f"Cases a task for less than 5 % of overhead with {WORKERS[-1]:,} workers: {', '.join(needed)}"
 
 
 if __name__ == "__main__":
-    main("--quick" in sys.argv[1:])
+    main("--quick" in sys.argv[1:], "--write" in sys.argv[1:])

@@ -1,7 +1,7 @@
 """What a user waits for: processor time and memory of one command, from its start to the finding.
 
 python benchmarks/time_to_answer.py [--structures prism dome] [--verbs check simulate] [--cold | --warm]
-                                    [--limit 60] [--document docs/benchmarks.md]
+                                    [--limit 60] [--write]
 
 Structures: the example prism (12 members), a Geiger dome of twelve sectors (73), the shipped tower of 50
 stages (894), nets that hang at their edge (9,384 and 99,904 cables). Cold is with an empty cache of compiled
@@ -22,14 +22,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from harness.turns import EXAMPLES, ROOT, describe_origin, replace_figures, table_text
+from harness.turns import EXAMPLES, ROOT, draw_bars, find_about, publish, table_text
 from large_scene import QUANTITIES
 from large_scene import SCENE as TOWER
 from live_pages import write_net
 
 from tensegrity_codegen.system.cache_root import CACHE_VARIABLE
 
-BEGIN, END = "<!-- time to answer: benchmarks/time_to_answer.py -->", "<!-- end of time to answer -->"
+PAGE = "answers_measured.md"
 PROGRAM = (sys.executable, "-m", "tensegrity_codegen")
 NUMPY = (sys.executable, "-c", "import numpy")
 USUAL = ("prism", "dome", "tower")
@@ -250,15 +250,28 @@ def main() -> None:
     kinds.add_argument("--cold", action="store_true", help="with an empty cache only")
     kinds.add_argument("--warm", action="store_true", help="with a library from the cache only")
     parser.add_argument("--limit", type=float, default=60.0, help="seconds after which a command is ended")
-    parser.add_argument("--document", type=Path, help="write the table between the marks of this file")
+    parser.add_argument("--write", action="store_true", help=f"write into docs/{PAGE}")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         rows = list(measure_all(options, Path(folder)))
-    origin = f"{describe_origin()} A load above 1 lengthens processor times too."
-    text = f"{table_text(HEADS, rows)}\n\n{origin}"
-    print(text)
-    if options.document:
-        replace_figures(options.document, BEGIN, END, text)
+    bars = draw_bars("structure, verb, cache", HEADS[3])
+    publish(
+        PAGE, describe_finding(rows), bars, table_text(HEADS, rows), find_about(__doc__), write=options.write
+    )
+
+
+def describe_finding(rows: Sequence[Sequence[str]]) -> str:
+    """Return the median processor time, cold and warm, of commands that answer, and the longest one."""
+    parts = [
+        f"{statistics.median(float(row[3]) for row in rows if row[2] == kind):.1f} s {kind}"
+        for kind in dict.fromkeys(row[2] for row in rows)
+    ]
+    worst = max(rows, key=lambda row: float(row[3]))
+    return (
+        f"A command takes {', '.join(parts)} of processor time at the median; the longest "
+        f"{float(worst[3]):.1f} s "
+        f"({worst[1]}, {worst[0]} members, {worst[2]})"
+    )
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ from harness.tables import (
     row_cells,
     summary_sections,
 )
+from harness.turns import draw_bars, publish
 from tensegrity_codegen.report.pages.page import render_page
 from tensegrity_codegen.report.pictures.canvas import PAPER
 
@@ -113,11 +114,9 @@ def _save_pictures(report: Report, folder: Path) -> list[Path]:
     return paths
 
 
-CHART = "<!-- site: bars structure, quantity: its time over ours -->\n"
-OPENING = """\
+PAGE = "benchmarks.md"
+ROWS = """\
 ## What the rows are
-
-Written by `make bench`; figures as measured in one run.
 
 - **Ours**: the C functions of generated libraries, called from C with all their checks, named by emitter,
   compiler and flag set (`reference`: to be bit-equal to CasADi's virtual machine, `native` is for this
@@ -125,41 +124,32 @@ Written by `make bench`; figures as measured in one run.
 - **CasADi C**: C that CasADi writes, by `-O3 -march=native -fno-semantic-interposition`: the unrolled SX
   expression, our own expression where there are at most 100 members, or an MX `map` over the members with
   sparse sums. Without the last of these options gcc does not inline CasADi's small functions in a shared
-  library. Compilers are gcc and clang, or zig, whose C compiler is clang. Unrolled C was not attempted above
-  1,000 members, and above 100 for anything but the force. **CasADi VM**: its virtual machine.
+  library. **CasADi VM**: its virtual machine.
 - **NumPy**: whole arrays, summed by a sparse incidence matrix or by `add.at`. **numba**: one loop over the
   members with fast math. **JAX**: `jit` in double precision on one core. All three are called from Python,
   as their users do.
 - **MuJoCo**: the same structure as point masses on slide joints and tendons with springs. `mj_forward`,
-  called from C, computes more than the force (kinematics, tendon Jacobians, mass matrix, accelerations) and
-  no stiffness.
+  called from C, computes more than the force, and no stiffness.
 
-`node_force` is the force on every node, `tangent_stiffness` the Jacobian of the static force on the free
-coordinates, `state_jacobian` that of the state derivative. All structures have point masses and no damping,
-so that every peer can state the same physics; prism and icosahedron are the shipped scenes without damping
-and masses of bars, the tower is a stack of prisms on an anchored ring, 9 members a level. Every result is
-compared with ours before it is timed. Candidates take turns, 15 rounds; figures are medians of processor
-time on one core, ratios medians over rounds. Floors are the arithmetic of one member's force: all in
-registers, or from and to the level 1 cache, with square root and division or with `rsqrt14` and two Newton
-steps.
+All structures have point masses and no damping, so that all programs state the same physics; the tower is a
+stack of prisms on an anchored ring. Candidates take turns; ratios are medians over rounds. Floors are the
+arithmetic of one member's force: all in registers, or from and to the level 1 cache, with square root and
+division or with `rsqrt14` and two Newton steps. Tables of the other quantities, bytes and seconds to compile
+are in `output/bench/bench.md`.
 """
 
-ANSWERS = "## From a command to its finding\n"  # what follows is written by time_to_answer.py
 
-
-def write_document(report: Report, path: Path) -> None:
-    """Write the page."""
+def write_document(report: Report, *, write: bool) -> None:
+    """Print the page, and write it if asked to."""
+    kept = ("node_force: ns", "States", "node_force: bytes")
     sections: list[tuple[str, Sequence[Sequence[str]]]] = [
-        ("Machine", [["what", "value"], *([key, value] for key, value in report.machine.items())]),
+        ("Against the fastest other way", comparison_cells(report.rows)),
+        *(item for item in summary_sections(report.rows) if item[0].startswith(kept)),
         ("From a scene to a loaded library", large_cells(report.large)),
         *([("Floor of this core", floor_cells(report.floor))] if report.floor else []),
-        *summary_sections(report.rows),
-        ("Growth: exponents over the towers", growth_cells(report.rows)),
+        ("Machine", [["what", "value"], *([k, v] for k, v in report.machine.items() if k != "run")]),
     ]
-    compared = comparison_cells(report.rows)
-    finding = f"**{describe_finding(report.rows)}.** {describe_rows(report.rows)}\n"
-    tables = (f"## {title}\n\n{markdown_table(cells)}" for title, cells in sections if len(cells) > 1)
-    comparison = f"{CHART}\n## Against the fastest other way\n\n{markdown_table(compared)}"
-    parts = ["# Benchmarks\n", finding, *([comparison] if len(compared) > 1 else []), OPENING, *tables]
-    _, title, answers = path.read_text(encoding="utf-8").partition(ANSWERS) if path.exists() else ("",) * 3
-    path.write_text("\n".join([*parts, *([title + answers] if title else [])]), encoding="utf-8")
+    tables = [f"## {title}\n\n{markdown_table(cells)}" for title, cells in sections if len(cells) > 1]
+    bars = draw_bars("structure, quantity", "its time over ours")
+    about = f"{ROWS}\n{describe_rows(report.rows)}"
+    publish(PAGE, describe_finding(report.rows), bars, *tables, about, write=write)

@@ -1,7 +1,10 @@
 """Times of calls that take turns, so that a slow moment of the machine falls on all; rows of tables."""
 
+import csv
 import os
+import shlex
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
@@ -16,6 +19,7 @@ from tensegrity_codegen.system.provenance import name_processor
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "tensegrity_codegen" / "scene" / "examples"
 Clock = Callable[[], float]
+END = "<!-- end of figures -->"
 
 
 def measure_call(call: Callable[[], object], count: int = 1, clock: Clock = time.process_time) -> float:
@@ -71,6 +75,48 @@ def table_text(names: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
 def print_table(names: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
     """Print a Markdown table."""
     print(table_text(names, rows))
+
+
+def describe_run() -> str:
+    """Return two lines on what is measured now: commit, day and machine; how to repeat it."""
+    words = [Path(word).name if word.startswith("/") else word for word in sys.argv[1:] if word != "--write"]
+    command = shlex.join(["python", f"benchmarks/{Path(sys.argv[0]).name}", *words, "--write"])
+    return f"{describe_origin()}\n\nHow to repeat: `{command}`"
+
+
+def publish(page: str, finding: str, *parts: str, write: bool) -> None:
+    """Print the figures of this program: finding, origin, parts; write them into a page of docs/ if asked to.
+
+    They stand between the mark that names the program and the next mark of an end.
+    """
+    text = "\n\n".join((f"**{finding}**", describe_run(), *(part.strip() for part in parts)))
+    print(text)
+    if write:
+        mark = f"<!-- figures: benchmarks/{Path(sys.argv[0]).name} -->"
+        replace_figures(ROOT / "docs" / page, mark, END, text)
+
+
+def keep_rows(names: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
+    """Write all rows of this program to output/figures, of which its page has some."""
+    path = ROOT / "output" / "figures" / f"{Path(sys.argv[0]).stem}.csv"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file).writerows([names, *rows])
+
+
+def read_row(text: str) -> list[str]:
+    """Return the cells of one row of a Markdown table."""
+    return [cell.strip() for cell in text.strip().strip("|").split("|")]
+
+
+def draw_bars(names: str, parts: str) -> str:
+    """Return the mark at which the site draws the next table as bars: columns that name, and those drawn."""
+    return f"<!-- site: bars {names}: {parts} -->"
+
+
+def find_about(document: str | None) -> str:
+    """Return what the rows of a page are: a module's docstring without its first two paragraphs."""
+    return "What the rows are:\n\n" + (document or "").split("\n\n", 2)[2].strip()
 
 
 def replace_figures(document: Path, begin: str, end: str, text: str) -> None:

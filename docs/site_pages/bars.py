@@ -9,7 +9,8 @@ CLASSES = 5
 def write_bars(words: str, following: str, page: str) -> str:
     """Return a chart of the first table of `following` in HTML, one line a row of the table.
 
-    words: the columns that name a line, a colon, the columns of which each is a part of its bar.
+    words: the columns that name a line, a colon, the columns of which each is a part of its bar. Rows without
+    numbers there have no line.
     """
     names, _, parts = words.partition(": ")
     heads, rows = _read_table(following)
@@ -17,8 +18,9 @@ def write_bars(words: str, following: str, page: str) -> str:
     unknown = [name for name in wanted if name not in heads]
     if unknown:
         raise ValueError(f"{page}: the table has no column {', '.join(unknown)}; it has {', '.join(heads)}")
-    labels = [" ".join(row[heads.index(name)] for name in names.split(", ")) for row in rows]
     shown = parts.split(", ")
+    rows = [row for row in rows if all(_is_number(row[heads.index(name)]) for name in shown)]
+    labels = [" ".join(row[heads.index(name)] for name in names.split(", ")) for row in rows]
     values = [[float(row[heads.index(name)].replace(",", "")) for name in shown] for row in rows]
     most = max(map(sum, values))
     lines = [_write_line(label, row, shown, most) for label, row in zip(labels, values, strict=True)]
@@ -27,6 +29,10 @@ def write_bars(words: str, following: str, page: str) -> str:
     return (
         f'<div class="bars" role="img" aria-label="the table below as bars">{legend}{"".join(lines)}</div>\n'
     )
+
+
+def _is_number(text: str) -> bool:
+    return text.replace(",", "").replace(".", "", 1).isdigit()
 
 
 def _write_line(label: str, row: list[float], shown: list[str], most: float) -> str:

@@ -74,12 +74,12 @@ def test_the_finding_counts_comparisons_and_their_ratios() -> None:
     rows = make_rows()
     assert len(compare_rows(rows)) == 9
     assert describe_finding(rows) == (
-        "Fastest of all ways in 9 of 9 comparisons (100%): 4.0 times as fast as the fastest other way at the "
-        "median, at least 4.0 times (prism, node_force: CasADi C, unrolled (gcc)), at most 14 times"
+        "Fastest in 9 of 9 comparisons, 4.0 times as fast as the fastest other at the median, "
+        "4.0 at worst (prism, node_force: CasADi C, unrolled (gcc))"
     )
     assert describe_finding(make_rows(own=8.0)) == (
-        "Fastest of all ways in 1 of 9 comparisons (11%): 0.50 times as fast as the fastest other way at the "
-        "median, at least 0.50 times (prism, node_force: CasADi C, unrolled (gcc)), at most 14 times"
+        "Fastest in 1 of 9 comparisons, 0.50 times as fast as the fastest other at the median, "
+        "0.50 at worst (prism, node_force: CasADi C, unrolled (gcc))"
     )
     alone = [row for row in rows if row.side == "ours"]
     assert describe_finding(alone) == "33 functions timed, 0 comparisons with other ways"
@@ -88,8 +88,8 @@ def test_the_finding_counts_comparisons_and_their_ratios() -> None:
 
 def test_rows_in_which_another_way_is_faster_count_and_are_listed() -> None:
     rows = [*make_rows(), Row("prism", 12, "elastic_energy", SAME, "peer", ns=6.0)]
-    assert "Fastest of all ways in 8 of 9 comparisons (89%)" in describe_finding(rows)
-    assert f"at least 0.50 times (prism, elastic_energy: {SAME})" in describe_finding(rows)
+    assert "Fastest in 8 of 9 comparisons" in describe_finding(rows)
+    assert f"0.50 at worst (prism, elastic_energy: {SAME})" in describe_finding(rows)
     assert comparison_cells(rows)[2][-3:] == [SAME, "0.5", "0.50"]
 
 
@@ -127,7 +127,7 @@ def test_a_report_states_the_finding_and_no_targets(tmp_path: Path) -> None:
     assert "Against the fastest other way" in (tmp_path / "bench.md").read_text(encoding="utf-8")
     assert json.loads((tmp_path / "bench.json").read_text(encoding="utf-8"))["acceptance"] == []
     text = (tmp_path / "bench.html").read_text(encoding="utf-8")
-    check_static(text, ["5 of 5", "4.0", "14"])
+    check_static(text, ["5 of 5", "4.0"])
     assert "&lt;b&gt;1 s" in text
     assert "asked" not in text
     assert "not installed: jax" in text

@@ -1,11 +1,11 @@
-"""The figures of docs/stability.md: counted from the JSON of runs, written between two marks."""
+"""The figures of docs/stability.md: counted from the JSON of runs."""
 
 from pathlib import Path
 from typing import Any
 
 import pytest
 import stability_pages
-from stability_pages import DOCUMENT, replace_figures, write_figures
+from stability_pages import write_figures
 
 from tensegrity_codegen.pipeline.compile_scene import load_nodes
 
@@ -45,16 +45,3 @@ def test_variants_of_the_prism_are_what_they_are_named_for(name: str, tmp_path: 
     assert structure.node_anchored.any() == (name != "standing")
     assert structure.internal_name
     assert structure.is_linear.all() == (name == "standing")
-
-
-def test_figures_are_written_between_the_marks_alone(tmp_path: Path) -> None:
-    file = tmp_path / "a.md"
-    file.write_text(DOCUMENT.read_text(encoding="utf-8"), encoding="utf-8")
-    replace_figures(file, stability_pages.BEGIN, stability_pages.END, "new figures\n")
-    text, before = file.read_text(encoding="utf-8"), DOCUMENT.read_text(encoding="utf-8")
-    assert f"{stability_pages.BEGIN}\nnew figures\n{stability_pages.END}" in text
-    assert text.startswith(before.partition(stability_pages.BEGIN)[0])
-    assert text.endswith(before.partition(stability_pages.END)[2])
-    file.write_text("no marks", encoding="utf-8")
-    with pytest.raises(SystemExit):
-        replace_figures(file, stability_pages.BEGIN, stability_pages.END, "")

@@ -234,7 +234,7 @@ def test_a_table_becomes_bars() -> None:
 
 @pytest.mark.parametrize("page", ["stability.md", "benchmarks.md"])
 def test_pages_of_measurements_open_with_finding_and_chart(page: str, expanded: dict[str, str]) -> None:
-    title, finding, chart, _ = expanded[page].split("\n\n", 3)
+    title, finding, _origin, _repeat, chart, _ = expanded[page].split("\n\n", 5)
     assert title.startswith("# ")
     assert re.search(r"\*\*[^*]*\d[^*]*\*\*", finding)
     assert '<div class="bars"' in chart
