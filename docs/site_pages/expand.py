@@ -4,6 +4,7 @@
                                                    and `before TEXT` ends before one
     <!-- site: command line -->                    every verb with its help
     <!-- site: cards NAME NAME ... -->             scenes of the gallery, each with picture and title
+    <!-- site: number of scenes -->                "31 structures."
     <!-- site: live NAME -->                       the live page of a scene, in a frame
     <!-- site: scene NAME -->                      the text of a scene's file, folded
     <!-- site: keys of scenes -->                  every table and key of scene files
@@ -20,7 +21,7 @@ from collections.abc import Callable
 
 from site_pages.bars import write_bars
 from site_pages.command_line import write_command_line
-from site_pages.gallery import write_cards, write_live_frame, write_scene_file
+from site_pages.gallery import write_cards, write_count, write_live_frame, write_scene_file
 from site_pages.links import ROOT, point_links
 from site_pages.python_names import write_names
 from site_pages.scene_keys import write_scene_keys
@@ -42,6 +43,7 @@ def _replace(mark: str, page: str) -> str:
     makers: dict[str, Callable[[], str]] = {
         "command line": write_command_line,
         "keys of scenes": write_scene_keys,
+        "number of scenes": write_count,
     }
     if mark in makers:
         return makers[mark]()

@@ -1,12 +1,12 @@
 """Scenes of the gallery: cards with pictures, and for each scene its live page and the text of its file."""
 
+import html
 import re
 from collections.abc import Sequence
 from itertools import takewhile
 from pathlib import Path
 
 from site_pages.links import ROOT
-from site_pages.markdown import escape
 from site_pages.thumbnail import write_thumbnail
 from tensegrity_codegen import load_scene
 
@@ -24,6 +24,11 @@ def write_cards(names: Sequence[str], page: str) -> str:
     """Return a row of cards, each a picture, the title and the first sentence of a scene's page."""
     up = "../" * (page.count("/") - 1)
     return f'<div class="cards">\n{"".join(_write_card(name, up) for name in names)}</div>'
+
+
+def write_count() -> str:
+    """Return the number of scenes of the gallery."""
+    return f"{len(find_scenes())} structures."
 
 
 def write_live_frame(name: str, page: str) -> str:
@@ -71,5 +76,5 @@ def _write_card(name: str, up: str) -> str:
     picture = write_thumbnail(load_scene(path)[0], name)
     return (
         f'<a class="card" href="{up}gallery/{name}.html">{picture}'
-        f"<strong>{title[1]}</strong><span>{escape(first)}</span></a>\n"
+        f"<strong>{html.escape(title[1])}</strong><span>{html.escape(first)}</span></a>\n"
     )

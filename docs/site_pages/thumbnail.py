@@ -7,7 +7,8 @@ from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.outline import outline_bodies
 
 WIDTH, HEIGHT, MARGIN = 320, 240, 18
-MOST_WIDTH = {"bar": 7.0, "cable": 2.2}  # of lines [px], for few members
+MOST_WIDTH = {"bar": 5.0, "cable": 2.0}  # of lines, for few members; pixels of the screen, whatever the size
+LEAST_WIDTH = {"bar": 2.5, "cable": 2.0}
 
 
 def write_thumbnail(subject: Subject, name: str) -> str:
@@ -36,9 +37,9 @@ def write_thumbnail(subject: Subject, name: str) -> str:
 def _write_line(ends: np.ndarray, kind: str, thinner: float) -> str:
     """Return a member: first a rim in the colour of the page, which parts it from those behind it."""
     (x, y), (u, v) = ends.round(1).tolist()
-    width = MOST_WIDTH[kind] * thinner
+    width = max(MOST_WIDTH[kind] * thinner, LEAST_WIDTH[kind])
     line = f'x1="{x}" y1="{y}" x2="{u}" y2="{v}"'
-    rim = f'<line class="rim" {line} stroke-width="{width + 2.4 * thinner:.1f}"/>'
+    rim = f'<line class="rim" {line} stroke-width="{width + 1.6 * thinner:.1f}"/>'
     return f'{rim}<line class="{kind}" {line} stroke-width="{width:.1f}"/>'
 
 

@@ -193,6 +193,17 @@ def test_every_scene_of_the_gallery_has_a_card_and_a_page(expanded: dict[str, st
         assert len(words) > 50, name
 
 
+def test_cards_have_no_marks_of_markdown_and_lines_of_two_pixels(expanded: dict[str, str]) -> None:
+    text = expanded["gallery.md"]
+    cards = re.findall(r'<a class="card".*?</a>', text, re.DOTALL)
+    assert [card for card in cards if "\\" in card] == []
+    widths = [float(width) for card in cards for width in re.findall(r'stroke-width="([\d.]+)"', card)]
+    assert min(widths) >= 2.0
+    style = (DOCS / "site_pages" / "static" / "site.css").read_text(encoding="utf-8")
+    assert ".thumbnail line { vector-effect: non-scaling-stroke; }" in style
+    assert f"\n{len(cards)} structures.\n" in text
+
+
 def test_a_live_page_is_due_where_scene_code_or_command_changed(tmp_path: Path) -> None:
     scene = tmp_path / "a.toml"
     scene.write_text('name = "a"', encoding="utf-8")
