@@ -17,13 +17,11 @@ if TYPE_CHECKING:
     from tensegrity_codegen.report.pictures.view import PictureChoices
     from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
     from tensegrity_codegen.scene.subject import Subject
-    from tensegrity_codegen.structure.structure import Structure
     from tensegrity_codegen.tables.request import ModelRequest
 
 ANIMATED = (".gif", ".mp4")
 PAGE = ".html"
 USUAL_FPS = 25.0
-MAX_UNBALANCED = 1e-2  # of the largest force: what is drawn without a word
 
 
 @dataclass(frozen=True)
@@ -147,7 +145,6 @@ def _write_scene(
 
     from tensegrity_codegen.report.pictures.canvas import PICTURE_SUFFIXES, check_suffix, save_figure
     from tensegrity_codegen.report.pictures.draw import Shot, draw_shot, find_rigid, find_shot
-    from tensegrity_codegen.structure.structure import Structure
 
     suffix = check_suffix(out, PICTURE_SUFFIXES)
     if options.settle:
@@ -158,25 +155,24 @@ def _write_scene(
         shot = replace(find_shot(equilibrium), subject=settled, note="")
     else:
         shot = Shot(subject, rigid=find_rigid(subject, request))
-        if isinstance(subject, Structure) and subject.ground is None and options.choices.forces:
+        if options.choices.forces:
             warn_of_balance(output, subject)
     figure, tension = draw_shot(shot, options.choices, is_vector=suffix != ".png")
     save_figure(figure, out, overwrite=options.overwrite)
     return int(np.isnan(tension).sum())
 
 
-def warn_of_balance(output: Output, structure: "Structure") -> None:
+def warn_of_balance(output: Output, subject: "Subject") -> None:
     """Warn where reactions and tensions of a picture balance other loads than those that it shows."""
-    import numpy as np
+    from tensegrity_codegen.report.pictures.marks import choose_unit, describe_force
+    from tensegrity_codegen.report.pictures.shown import find_imbalance
 
-    from tensegrity_codegen.scene.checks.plausible_sizes import find_unbalanced
-
-    force = np.linalg.norm(find_unbalanced(structure), axis=1)
-    worst, pull = int(force.argmax()), float(np.abs(structure.static_tension()).max(initial=0.0))
-    if pull > 0.0 and force[worst] > MAX_UNBALANCED * pull:
+    lacking = find_imbalance(subject)
+    if lacking:
+        node, force = lacking[0], describe_force(lacking[1], choose_unit(lacking[1]))
         output.warn(
-            f"the stated positions are not in balance: {structure.node_label[worst]} by {force[worst]:.4g} "
-            "N, which no tension or reaction shows; --settle draws the equilibrium"
+            f"the stated positions are not in balance: {node} by {force}, which no tension "
+            "or reaction shows; --settle draws the equilibrium"
         )
 
 
@@ -237,6 +233,8 @@ def show_live(
     if options.settle:
         subject, equilibrium = find_settled(subject, request, warn=output.warn)
         tensions_known = {"tension": equilibrium.member_tension}
+    elif motion is None:
+        warn_of_balance(output, subject)
     analysis, note = find_modes(
         subject, request, USUAL_MODES if options.modes is None else options.modes, output.warn
     )

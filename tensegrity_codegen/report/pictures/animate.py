@@ -224,8 +224,7 @@ class _Stage:
         self._figure = new_figure(width, height, dpi)
         self._panel = Panel(self._figure.add_subplot(), setting, (width - 1.6, height - 1.6))
         if self._panel.drawing.mappable is not None:
-            name = setting.color_name
-            add_color_bar(self._figure, self._panel.axes, self._panel.drawing.mappable, name=name)
+            add_color_bar(self._figure, self._panel.axes, self._panel.drawing.mappable, **setting.scale)
         tension = trajectory.member_tension[:, structure.tension_only]
         add_key(self._figure, setting, slack=bool(np.any(tension <= 0)))
         add_heading(self._figure, structure.name, describe_size(structure, setting.shown.parts))

@@ -42,7 +42,7 @@ BODY = "#46586b"  # edges and faces of rigid bodies
 SEQUENCE = ("#0072b2", "#d55e00", "#009e73", "#9a5cf5", "#86301b", "#3e4b60")
 
 # Compression, none, tension.
-_DIVERGING = ("#07305f", "#1f78b4", "#b4b9be", "#e8772e", "#8c2d04")
+_DIVERGING = ("#07305f", "#1f78b4", "#8f969e", "#e8772e", "#8c2d04")
 
 
 def build_tension_colormap() -> "LinearSegmentedColormap":

@@ -9,9 +9,16 @@ import numpy as np
 
 from tensegrity_codegen.report.loads import compute_loads, compute_static_loads
 from tensegrity_codegen.report.pictures.drawing import BodyParts
+from tensegrity_codegen.report.pictures.marks import describe_force
 from tensegrity_codegen.report.pictures.panel import describe_size, set_up
 from tensegrity_codegen.report.pictures.plots import draw_shown
-from tensegrity_codegen.report.pictures.shown import Shown, find_rest_tension, show_motion, show_structure
+from tensegrity_codegen.report.pictures.shown import (
+    Shown,
+    find_imbalance,
+    find_rest_tension,
+    show_motion,
+    show_structure,
+)
 from tensegrity_codegen.report.pictures.view import PictureChoices, check_array, check_tension
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.plan_result import PlanResult
@@ -87,6 +94,9 @@ def draw_shot(
     setting = set_up(shown, replace(choices, follow=False))
     heading = structure.name if title is None else title
     note = shot.note or describe_size(structure, bodies)
+    lacking = find_imbalance(shot.subject) if shot.node_position is None else None
+    if lacking:
+        note += f"; not in balance: {lacking[0]} lacks {describe_force(lacking[1], setting.unit)}"
     if setting.limit is None and choices.color != "kind":
         note += "; no tension is known" if np.isnan(tension).all() else "; no member has a tension"
     return draw_shown(setting, number, heading, note, is_vector=is_vector), tension[~bodies.edge]

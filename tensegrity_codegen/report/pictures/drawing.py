@@ -23,6 +23,7 @@ from tensegrity_codegen.report.pictures.canvas import (
     UNKNOWN,
     build_tension_colormap,
 )
+from tensegrity_codegen.report.pictures.marks import draw_anchors, group_anchors
 from tensegrity_codegen.report.pictures.view import Box, PerspectiveView, PlanarView, View
 from tensegrity_codegen.structure.bodies import BodySystem, RigidBody
 from tensegrity_codegen.structure.body_meshes import BodyMesh, build_mesh
@@ -40,7 +41,10 @@ if TYPE_CHECKING:
 BAR_WIDTH = 5.0
 CABLE_WIDTH = 1.7
 NODE_WIDTH = 5.2
-ANCHOR_SIZE = 21.0
+LEAST_PIXELS = 2.0  # of a line, of a bar half as much again
+CROWD = 400  # members above which lines may get thinner, so that they do not run together
+# How much wider or narrower than usual a member of another class may be.
+THICKNESS = (0.7, 1.6)
 # The white rim that parts a member from those behind it: its width, and how far it stops before the ends.
 RIM = 2.2
 RIM_GAP = 0.1
@@ -92,6 +96,18 @@ def find_slack(structure: Structure, node_position: FloatArray, tension: FloatAr
     return slack
 
 
+def find_thickness(structure: Structure) -> FloatArray:
+    """Return the width of each member over the usual one of its kind, (n_members,), from its section."""
+    factor = np.ones(structure.n_members)
+    for kind in (True, False):
+        rows = structure.is_bar == kind
+        for size in (structure.section_area, structure.mu * structure.rest_length):
+            if rows.any() and (size[rows] > 0).all():
+                factor[rows] = np.clip(np.sqrt(size[rows] / np.median(size[rows])), *THICKNESS)
+                break
+    return factor
+
+
 def find_tension_limit(tension: FloatArray | None) -> float | None:
     """Return the largest known |tension| [N] of (..., n_members), None if there is none."""
     largest = 0.0 if tension is None else float(np.nanmax(np.abs(tension), initial=0.0))
@@ -123,11 +139,16 @@ class StructureDrawing:
         self._parts = BodyParts.of(structure) if parts is None else parts
         # Members of large structures get thinner, so that they do not run together.
         self._scale = line_scale * float(np.clip((45 / max(structure.n_members, 1)) ** 0.4, 0.18, 1.0))
+        pixel = 72.0 / axes.figure.dpi if structure.n_members <= CROWD else 0.0
+        usual = np.where(structure.is_bar, BAR_WIDTH, CABLE_WIDTH) * self._scale
+        least = np.where(structure.is_bar, 1.5, 1.0) * LEAST_PIXELS * pixel
+        self._width = np.maximum(usual * find_thickness(structure), least)
+        self._least = least
         self.mappable = None if tension_limit is None else _scale_of(tension_limit)
         self.slack = np.zeros(structure.n_members, dtype=bool)
         self._anchors = [
-            (chosen, _anchor_marks(axes, fill, hangs, self._scale))
-            for chosen, fill, hangs in _group_anchors(structure, view)
+            (chosen, draw_anchors(axes, fill, hangs, self._scale))
+            for chosen, fill, hangs in group_anchors(structure, view)
         ]
         self._lines = LineCollection([], zorder=3, capstyle="round", clip_on=False)
         axes.add_collection(self._lines, autolim=False)
@@ -202,7 +223,7 @@ class StructureDrawing:
         """
         member = self._structure.strands.member
         bar = self._structure.is_bar[member]
-        width = self._scale * nearness * np.where(bar, BAR_WIDTH, CABLE_WIDTH)
+        width = np.maximum(self._width[member] * nearness, self._least[member])
         inner = np.where(bar, width - 1.5 * self._scale, width)
         along = ends[:, 1] - ends[:, 0]
         rim = np.stack([ends[:, 0] + RIM_GAP * along, ends[:, 1] - RIM_GAP * along], axis=1)
@@ -226,41 +247,6 @@ class StructureDrawing:
         fill[self._parts.edge] = _rgba(BODY)
         fill[self.slack] = _rgba(SLACK)
         return fill
-
-
-def _group_anchors(structure: Structure, view: View) -> list[tuple[BoolArray, str, bool]]:
-    """Return the anchored nodes by look: which nodes (n_nodes,), the fill, whether they hang from above.
-
-    Nodes that are held on all modelled axes are filled; a node whose members lead down hangs.
-    """
-    projected, _ = view.project(structure.node_position)
-    i, j = structure.strands.ends.T
-    lead = np.zeros(structure.n_nodes)
-    np.add.at(lead, i, projected[j, 1] - projected[i, 1])
-    np.add.at(lead, j, projected[i, 1] - projected[j, 1])
-    hangs = lead < -1e-9 * float(np.max(np.abs(lead), initial=0.0))
-    held = structure.node_anchored[:, list(structure.axes)]
-    fully, partly = held.all(axis=1), held.any(axis=1) & ~held.all(axis=1)
-    looks = [
-        (chosen & (hangs == down), fill, down)
-        for chosen, fill in ((fully, INK), (partly, PAPER))
-        for down in (False, True)
-    ]
-    return [look for look in looks if look[0].any()]
-
-
-def _anchor_marks(axes: "Axes", fill: str, hangs: bool, scale: float) -> Any:
-    """Return marks in the form of a support: a triangle whose tip is the node, above it if the node hangs."""
-    from matplotlib.markers import MarkerStyle
-    from matplotlib.path import Path
-
-    side = 1.0 if hangs else -1.0
-    triangle = Path([(0.0, 0.0), (-0.6, side), (0.6, side), (0.0, 0.0)], closed=True)
-    (marks,) = axes.plot(
-        [], [], linestyle="none", marker=MarkerStyle(triangle), markersize=ANCHOR_SIZE * max(scale, 0.4),
-        markerfacecolor=fill, markeredgecolor=INK, markeredgewidth=1.0, zorder=2.5, clip_on=False,
-    )  # fmt: skip
-    return marks
 
 
 def _scale_of(limit: float) -> "ScalarMappable":

@@ -2,16 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.report.loads import compute_reactions
 from tensegrity_codegen.report.pictures.canvas import GROUND_FORCE, INK, LOAD, MUTED, PAPER, REACTION
-from tensegrity_codegen.report.pictures.view import View, round_up
+from tensegrity_codegen.report.pictures.view import PlanarView, View, round_up
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,6 +21,9 @@ LONGEST = 0.25  # of the structure's size, at most
 CROWD = 24  # arrows from which they get shorter and thinner
 MIN_FORCE_RATIO = 1e-6  # part of the largest force below which a force is rounding
 GAP = 0.012  # between an arrow and its node, of the structure's size
+LEVEL = 1e-6  # sine of the rise of a member that counts as level
+SUPPORT = 0.04  # the same below or above a support, whose mark is there
+UPRIGHT = 0.7  # part of a force along the upward axis from which its arrow passes that mark
 SHAFT = 1.9  # width in points
 HEAD = 0.034  # length of a head, of the structure's size; at most half of its arrow
 SLIM = 0.38  # half the width of a head over its length
@@ -77,7 +80,7 @@ def lay_out_arrows(
     for name, color, nodes, force in rows:
         length = np.linalg.norm(force, axis=2, keepdims=True)
         shown = np.where(length > MIN_FORCE_RATIO * largest, force / scale, np.nan)
-        tail = _find_tails(structure, position, nodes, shown, GAP * size)
+        tail = _find_tails(structure, position, nodes, shown, size)
         unknown = int(np.isnan(force).any(axis=(0, 2)).sum())
         arrow_sets.append(Arrows(name, color, tail, tail + shown, _largest(force), unknown, scale, size))
     return [arrow_set for arrow_set in arrow_sets if arrow_set.tail.shape[1]]
@@ -93,9 +96,9 @@ def _largest(force: FloatArray) -> float:
 
 
 def _find_tails(
-    structure: Structure, position: FloatArray, nodes: NDArray[np.int64], vector: FloatArray, gap: float
+    structure: Structure, position: FloatArray, nodes: NDArray[np.int64], vector: FloatArray, extent: float
 ) -> FloatArray:
-    """Return where arrows (n_t, n, 3) [m] at some nodes start."""
+    """Return where arrows (n_t, n, 3) [m] at some nodes start, clear of nodes and marks of supports."""
     toward = np.zeros_like(position)
     i, j = structure.strands.ends.T
     along = position[:, j] - position[:, i]
@@ -104,7 +107,11 @@ def _find_tails(
     np.add.at(toward.swapaxes(0, 1), i, unit.swapaxes(0, 1))
     np.add.at(toward.swapaxes(0, 1), j, -unit.swapaxes(0, 1))
     size = np.linalg.norm(vector, axis=2, keepdims=True)
-    clearance = gap * vector / size
+    up = structure.axes[-1]
+    held = structure.node_anchored[nodes][:, list(structure.axes)].any(axis=1, keepdims=True)
+    passes = held & (np.abs(vector[:, :, up : up + 1]) > UPRIGHT * size)
+    crowd = find_anchor_scale(structure)
+    clearance = extent * np.where(passes, max(GAP, SUPPORT * crowd), GAP) * vector / size
     pushes = np.sum(vector * toward[:, nodes], axis=2, keepdims=True) > 0
     tail: FloatArray = np.where(
         pushes, position[:, nodes] - vector - clearance, position[:, nodes] + clearance
@@ -147,29 +154,81 @@ class ForceArrows:
         self._heads.set_verts(list(np.stack([end, neck + across, neck - across], axis=1)))
 
 
-def describe_arrows(arrows: list[Arrows]) -> list[tuple[str, str]]:
+Unit: TypeAlias = tuple[str, float]
+
+
+def choose_unit(force: float) -> Unit:
+    """Return the unit that suits a force [N], and its size [N]."""
+    for name, size in (("MN", 1e6), ("kN", 1e3)):
+        if force >= 9.995 * size:
+            return name, size
+    return ("N", 1.0) if force == 0 or force >= 0.01 else ("mN", 1e-3)
+
+
+def describe_arrows(arrows: list[Arrows], unit: Unit | None = None) -> list[tuple[str, str]]:
     """Return colour and text of each line of the legend: largest forces, unknown reactions, the scale."""
     lines = []
+    unit = unit or choose_unit(max((arrow_set.largest for arrow_set in arrows), default=0.0))
     for arrow_set in arrows:
         lacking = f", {arrow_set.n_unknown} unknown" if arrow_set.n_unknown else ""
         if arrow_set.largest > 0:
-            lines.append(
-                (arrow_set.color, f"{arrow_set.name} (largest {_describe(arrow_set.largest)}{lacking})")
-            )
+            text = f"{arrow_set.name} (largest {describe_force(arrow_set.largest, unit)}{lacking})"
+            lines.append((arrow_set.color, text))
         elif arrow_set.n_unknown:
             lines.append(("none", f"{arrow_set.name}s unknown ({arrow_set.n_unknown})"))
     if any(arrow_set.largest > 0 for arrow_set in arrows):
         length = 10.0 ** np.floor(np.log10(LONGEST * arrows[0].size))
-        lines.append(("none", f"arrow of {length:.3g} m: {_describe(arrows[0].scale * length)}"))
+        lines.append(("none", f"arrow of {length:.3g} m: {describe_force(arrows[0].scale * length, unit)}"))
     return lines
 
 
-def _describe(force: float) -> str:
-    """Return a force with a unit that suits it."""
-    for unit, factor in (("MN", 1e6), ("kN", 1e3), ("N", 1.0)):
-        if force >= factor * (1 if unit == "N" else 9.995):
-            return f"{force / factor:.3g} {unit}"
-    return f"{force:.3g} N" if force == 0 or force >= 0.01 else f"{force * 1e3:.3g} mN"
+def describe_force(force: float, unit: Unit) -> str:
+    """Return a force [N] in a unit, with three digits."""
+    return f"{float(f'{force / unit[1]:.3g}'):g} {unit[0]}"
+
+
+ANCHOR_SIZE = 21.0
+
+
+def find_anchor_scale(structure: Structure) -> float:
+    """Return the size of marks of supports over that of a structure of a few dozen members."""
+    return float(np.clip((45 / max(structure.n_members, 1)) ** 0.4, 0.4, 1.0))
+
+
+def group_anchors(structure: Structure, view: View) -> list[tuple[BoolArray, str, bool]]:
+    """Return the anchored nodes by look: which nodes (n_nodes,), the fill, whether they hang from above.
+
+    Nodes that are held on all modelled axes are filled; a node whose members all lead down hangs.
+    """
+    up = view.axes[1] if isinstance(view, PlanarView) else 2
+    strands = structure.strands
+    rise = strands.directions(structure.node_position)[0][:, up]
+    highest = np.full(structure.n_nodes, -np.inf)
+    for end, sign in ((0, -1.0), (1, 1.0)):
+        np.maximum.at(highest, strands.ends[:, end], sign * rise)
+    hangs = highest < -LEVEL
+    held = structure.node_anchored[:, list(structure.axes)]
+    fully, partly = held.all(axis=1), held.any(axis=1) & ~held.all(axis=1)
+    looks = [
+        (chosen & (hangs == down), fill, down)
+        for chosen, fill in ((fully, INK), (partly, PAPER))
+        for down in (False, True)
+    ]
+    return [look for look in looks if look[0].any()]
+
+
+def draw_anchors(axes: "Axes", fill: str, hangs: bool, scale: float) -> Any:
+    """Return marks in the form of a support: a triangle whose tip is the node, above it if the node hangs."""
+    from matplotlib.markers import MarkerStyle
+    from matplotlib.path import Path
+
+    side = 1.0 if hangs else -1.0
+    triangle = Path([(0.0, 0.0), (-0.6, side), (0.6, side), (0.0, 0.0)], closed=True)
+    (marks,) = axes.plot(
+        [], [], linestyle="none", marker=MarkerStyle(triangle), markersize=ANCHOR_SIZE * max(scale, 0.4),
+        markerfacecolor=fill, markeredgecolor=INK, markeredgewidth=1.0, zorder=2.5, clip_on=False,
+    )  # fmt: skip
+    return marks
 
 
 MAX_NAMES = {"nodes": 100, "members": 30}  # of pictures; more run together

@@ -33,7 +33,9 @@ from tensegrity_codegen.report.pictures.marks import (
     Arrows,
     ForceArrows,
     NameWriter,
+    Unit,
     choose_names,
+    choose_unit,
     describe_arrows,
     lay_out_arrows,
 )
@@ -85,9 +87,17 @@ class Setting:
     limit: float | None
 
     @property
-    def color_name(self) -> str:
-        """Name of the scale of colours."""
-        return COLOR_NAMES.get(self.choices.color, ("", ""))[0]
+    def scale(self) -> dict[str, Any]:
+        """Name of the scale of colours and its unit, for `add_color_bar`."""
+        name, unit = COLOR_NAMES.get(self.choices.color, ("", ""))[0], self.unit
+        is_force = name.endswith("[N]")
+        return {"name": name.replace("[N]", f"[{unit[0]}]"), "unit": unit[1] if is_force else 1.0}
+
+    @property
+    def unit(self) -> Unit:
+        """Unit of all forces: that of the scale of tensions, else that of the largest arrow."""
+        scale = self.limit if self.choices.color == "tension" else None
+        return choose_unit(scale or max((arrow_set.largest for arrow_set in self.arrows), default=0.0))
 
     @property
     def has_unknown(self) -> bool:
@@ -299,7 +309,7 @@ def add_key(figure: "Figure | SubFigure", setting: Setting, *, slack: bool) -> N
             mark = {"marker": "^", "markerfacecolor": fill, "markeredgecolor": INK, "markersize": 7.5}
             handles.append(line("none", 0.0, name, **mark))
     # Lines on arrows; with the colour "none" text alone
-    for color, text in describe_arrows(setting.arrows):
+    for color, text in describe_arrows(setting.arrows, setting.unit):
         handles.append(line(color, 1.9, text, **(ARROW if color != "none" else {})))
     # As many columns as fit side by side: each is as wide as its longest text, and a figure has about 13
     # letters an inch.
@@ -318,11 +328,13 @@ def add_color_bar(
     *,
     below: bool = False,
     name: str = "member tension [N]",
+    unit: float = 1.0,
 ) -> None:
-    """Add the scale of member tensions, with their name, beside the panels or below them."""
+    """Add the scale of member tensions, with their name, beside the panels or below them; unit [N]."""
     bar = figure.colorbar(
         mappable, ax=panels, location="bottom" if below else "right", shrink=0.7,
         aspect=30 if below else 26, pad=0.03, panchor=False,
+        format=None if unit == 1.0 else lambda value, _: f"{value / unit:g}".replace("-", "\N{MINUS SIGN}"),
     )  # fmt: skip
     text = f"{name}  (compression < 0 < tension)"
     length = (figure.bbox.width if below else ROOM * figure.bbox.height) / figure.dpi

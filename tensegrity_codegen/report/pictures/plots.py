@@ -172,7 +172,7 @@ def draw_shown(setting: Setting, sample: int, title: str, note: str, *, is_vecto
     panel = Panel(figure.add_subplot(), setting, room, line_scale=thin, start=sample)
     panel.show(sample)
     if panel.drawing.mappable is not None:
-        add_color_bar(figure, panel.axes, panel.drawing.mappable, name=setting.color_name)
+        add_color_bar(figure, panel.axes, panel.drawing.mappable, **setting.scale)
     add_key(figure, setting, slack=bool(panel.drawing.slack.any()))
     add_heading(figure, title, note)
     return figure
@@ -243,7 +243,7 @@ def _draw_shapes(figure: "SubFigure", setting: Setting, trajectory: Trajectory) 
         axes.set_title(f"t = {trajectory.time[sample]:.4g} s", fontsize=10, color=INK, pad=14.0)
     _draw_paths(panel, setting.shown)
     if panel.drawing.mappable is not None:
-        add_color_bar(figure, figure.axes, panel.drawing.mappable, below=True, name=setting.color_name)
+        add_color_bar(figure, figure.axes, panel.drawing.mappable, below=True, **setting.scale)
     add_key(figure, setting, slack=slack)
 
 

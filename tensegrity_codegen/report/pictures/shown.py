@@ -9,6 +9,7 @@ from tensegrity_codegen.report.loads import compute_loads
 from tensegrity_codegen.report.pictures.drawing import BodyParts
 from tensegrity_codegen.report.pictures.view import check_array, check_tension
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tensegrity_codegen.scene.checks.plausible_sizes import find_unbalanced
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.outline import outline_bodies
 from tensegrity_codegen.structure.structure import Structure
@@ -78,6 +79,19 @@ def _solve(structure: Structure, tension: FloatArray, rigid: BoolArray) -> Float
     balanced = missing <= UNBALANCED * largest
     result: FloatArray = np.where(undetermined | (not balanced), np.nan, solution)
     return result
+
+
+def find_imbalance(subject: Structure | BodySystem) -> tuple[str, float] | None:
+    """Return the node that lacks the largest force to be in balance as stated, and this force [N].
+
+    None where no node lacks UNBALANCED of the largest tension, and on a ground, whose forces are not known.
+    """
+    if not isinstance(subject, Structure) or subject.ground is not None:
+        return None
+    force = np.linalg.norm(find_unbalanced(subject), axis=1)
+    worst, pull = int(force.argmax()), float(np.abs(subject.static_tension()).max(initial=0.0))
+    is_balanced = not pull > 0.0 or force[worst] <= UNBALANCED * pull
+    return None if is_balanced else (subject.node_label[worst], float(force[worst]))
 
 
 COLOR_NAMES = {

@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
+from tensegrity_codegen import draw
 from tensegrity_codegen.report.pictures.marks import describe_arrows, lay_out_arrows
 from tests.runtime.build import bar, cable, make_structure
 
@@ -84,3 +86,22 @@ def test_loads_that_change_keep_one_scale():
     assert np.isnan(length[0]).all()
     np.testing.assert_allclose(length[2], 4 * length[1])
     assert load.largest == pytest.approx(24.0)
+
+
+def test_a_reaction_keeps_clear_of_the_mark_of_its_support():
+    structure = gallows()
+    _, reaction = lay_out(structure, [6.0, -3.0])
+    z = structure.node_position[[0, 2], 2]
+    assert reaction.tail[0, 0, 2] > z[0] + 0.03 * reaction.size  # hangs: its mark is above it
+    assert reaction.tip[0, 1, 2] < z[1] - 0.03 * reaction.size
+
+
+def test_forces_of_a_picture_have_one_unit():
+    structure = gallows(7000.0)
+    arrows = lay_out(structure, [83500.0, -3500.0])
+    texts = [text for _, text in describe_arrows(arrows)]
+    assert texts[0] == "load (largest 7 kN)"
+    assert all(text.rstrip(")").endswith(" kN") for text in texts)
+    stiff = structure.with_changes(spring_constant=np.full(2, 1e6))
+    words = {item.get_text() for item in draw(stiff).findobj(Text)}
+    assert "member tension [kN]" in {text.partition("  (")[0] for text in words}

@@ -172,3 +172,8 @@ def test_bodies_beside_nodes_are_drawn_by_their_surfaces() -> None:
     assert len(surfaces) == 1
     _, tension = draw_shot(find_shot(structure), PictureChoices())
     np.testing.assert_array_equal(tension, structure.static_tension()[:2])
+
+
+def test_a_picture_out_of_balance_says_so() -> None:
+    assert "not in balance: t1 lacks 3.57 N" in texts(draw(load("prism")))
+    assert "balance" not in texts(draw(load("prism"), settle=True))

@@ -2,10 +2,16 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.report.pictures.canvas import new_figure
-from tensegrity_codegen.report.pictures.drawing import StructureDrawing, find_slack, find_tension_limit
-from tensegrity_codegen.report.pictures.view import find_box, fit_view
+from tensegrity_codegen.report.pictures.drawing import (
+    StructureDrawing,
+    find_slack,
+    find_tension_limit,
+    find_thickness,
+)
+from tensegrity_codegen.report.pictures.marks import group_anchors
+from tensegrity_codegen.report.pictures.view import AZIMUTHS, _perspective, find_box, fit_view
 from tests.report.samples import frame, thread
-from tests.runtime.build import prism
+from tests.runtime.build import bar, cable, make_structure, prism
 
 
 def make_drawing(structure, limit=None):
@@ -93,3 +99,28 @@ def test_showing_does_not_change_its_arguments(tension):
     drawing.show(position, tension)
     assert np.array_equal(position, structure.node_position)
     assert kept is None or np.array_equal(kept, tension)
+
+
+def test_an_anchor_stands_upright_unless_all_its_members_lead_down():
+    place = [(0, 0, 0), (3.0, 0, 1.1), (3.0, 0, -0.9), (6.0, 1.0, 0)]
+    members = [cable(0, 1, 2.9), cable(0, 2, 2.9), bar(1, 2, 2.0), cable(1, 3, 2.9), cable(2, 3, 2.9)]
+    ring = make_structure(place, members, anchored={0: "xyz", 3: "xyz"})
+    for eye in AZIMUTHS:
+        view = _perspective(find_box(ring.node_position, ring.axes), np.radians(eye))
+        ((chosen, _, hangs),) = group_anchors(ring, view)
+        assert chosen.tolist() == [True, False, False, True]
+        assert not hangs
+
+
+def test_no_line_is_thinner_than_two_pixels_and_classes_have_their_own_widths():
+    structure = prism()
+    axes = new_figure(3.0, 3.0).add_subplot()
+    view = fit_view(structure, find_box(structure.node_position, structure.axes), structure.node_position)
+    drawing = StructureDrawing(axes, structure, view, line_scale=0.2)
+    drawing.show(structure.node_position)
+    widths = np.reshape(axes.collections[0].get_linewidths(), (-1, 3))[:, 1] * axes.figure.dpi / 72
+    assert widths.min() >= 2.0 - 1e-9
+    area = np.where(structure.is_bar, 1.0, np.linspace(1.0, 2.0, structure.n_members))
+    wide = find_thickness(structure.with_changes(radius=0.01 * area))
+    assert np.all(np.diff(wide[~structure.is_bar]) > 0)
+    assert np.all(wide[structure.is_bar] == 1.0)
