@@ -2,6 +2,7 @@
 
 import ast
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -59,6 +60,18 @@ def list_of_help() -> dict[str, str]:
     return found
 
 
+def list_written(words: Sequence[str]) -> list[str]:
+    return [words[k + 1] for k, word in enumerate(words[:-1]) if word in ("-o", "--out", "--page")]
+
+
+def write_needed(words: Sequence[str], folder: Path) -> None:
+    """Write the scenes and tables that a command reads."""
+    scenes = {f"{name}.toml": text for name, text in list_examples().items()} | {"standing.toml": STANDING}
+    for name, text in (scenes | TABLES).items():
+        if name in words and name not in list_written(words):
+            (folder / name).write_text(text, encoding="utf-8")
+
+
 EXAMPLES = list_of_help()
 RUN = [verb for verb in EXAMPLES if verb not in ELSEWHERE]
 
@@ -75,15 +88,11 @@ def test_the_example_of_a_help_text_runs(verb: str, run: Run, folder: Path) -> N
     for package in {"sweep": ("zarr", "xarray", "SALib"), "plan": ("daqp",)}.get(verb.split()[0], ()):
         pytest.importorskip(package)
     words = shlex.split(EXAMPLES[verb])
-    scenes = {f"{name}.toml": text for name, text in list_examples().items()} | {"standing.toml": STANDING}
-    written = [words[k + 1] for k, word in enumerate(words[:-1]) if word in ("-o", "--out", "--page")]
-    for name, text in (scenes | TABLES).items():
-        if name in words and name not in written:
-            (folder / name).write_text(text, encoding="utf-8")
+    write_needed(words, folder)
     if verb in BEFORE:
         before = shlex.split(BEFORE[verb])
-        (folder / "prism.toml").write_text(scenes["prism.toml"], encoding="utf-8")
+        write_needed(before, folder)
         run.good(*before)
     run.good(*words)
-    for name in written:
+    for name in list_written(words):
         assert (folder / name).exists()
