@@ -82,12 +82,6 @@ def test_the_page_of_integrators_states_when_a_run_with_too_many_events_ends() -
     assert set(re.findall(r"([\d,]+) trial steps in a row", text)) == {f"{10 * MAX_IN_SUCCESSION:,}"}
 
 
-def test_the_model_page_offers_rigid_bars_instead_of_stiff_ones() -> None:
-    section = document("docs/model.md").partition("## What is not in the model")[2].partition("\n## ")[0]
-    assert "`rigid_bar`" in section
-    assert "thousand times" not in section
-
-
 LIMITS = re.compile(r"(<!-- limits.*? -->\n)(.*?)(<!-- end of limits -->)", re.DOTALL)
 
 

@@ -312,6 +312,7 @@ def test_the_citation_has_the_version_and_date_of_the_latest_release() -> None:
     assert f"\nversion: {version}\ndate-released: {date}\n" in document("CITATION.cff")
 
 
-def test_the_model_page_defines_what_the_table_of_quantities_holds() -> None:
-    text = document("docs/model.md").replace(r"\_", "_")  # in formulas
+def test_the_pages_of_the_model_define_what_the_table_of_quantities_holds() -> None:
+    pages = re.findall(r"^\| \[(\w+)\]", document("docs/model.md"), re.MULTILINE)
+    text = "".join(document(f"docs/{page}.md") for page in pages).replace(r"\_", "_")  # in formulas
     assert [name for name in QUANTITIES if name not in text] == []

@@ -149,7 +149,7 @@ def check_members(
     elastic: FloatArray | None = None,
 ) -> MemberChecks:
     """Return members at tensions and lengths (..., n_members) [N, m] against the limits of a structure."""
-    # sigma = t / A; P = pi^2 E I / l^2 with E I = mu rho (R^2 + r^2) / 4 (docs/model.md, Sections).
+    # sigma = t / A; P = pi^2 E I / l^2 with E I = mu rho (R^2 + r^2) / 4 (docs/members.md, Sections).
     limits = structure.limits.for_members(tension.shape[-1])
     area = structure.section_area
     elastic = structure.mu * structure.rest_length if elastic is None else elastic

@@ -109,7 +109,7 @@ def check_results(page: str, names: dict[str, object], folder: Path) -> None:
         assert names["rest"].status == "converged"  # type: ignore[attr-defined]
         assert names["motion"].status == "ok"  # type: ignore[attr-defined]
         assert "<canvas" in (folder / "mast.html").read_text(encoding="utf-8")
-    if page == "docs/guides/stiff_bars.md":
+    if page == "docs/motions.md":
         runs = names["runs"]
         assert [run.status for run in runs.values()] == ["ok", "ok"]  # type: ignore[attr-defined]
         assert "radau" in runs[1e7].method  # type: ignore[index]

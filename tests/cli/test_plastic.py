@@ -60,7 +60,7 @@ def test_equilibrium_states_plastic_elongations(run: Run, hanger: Path) -> None:
 
 
 def test_bad_values_end_with_code_2(run: Run, hanger: Path) -> None:
-    text = hanger.read_text(encoding="utf-8").replace("hardening = 0.05 ", "hardening = 1.0 ")
+    text = hanger.read_text(encoding="utf-8").replace("hardening = 0.05", "hardening = 1.0")
     hanger.write_text(text, encoding="utf-8")
     ended = run("simulate", hanger, "--t-end", "0.1")
     assert ended.code == 2

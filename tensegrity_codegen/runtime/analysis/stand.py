@@ -70,7 +70,7 @@ def stand(
 
     Notes
     -----
-    Friction cones are approximated by planes until the gap is below 1e-9 of the loads (docs/model.md).
+    Friction cones are approximated by planes until the gap is below 1e-9 of the loads (docs/ground.md).
 
     Examples
     --------

@@ -365,7 +365,7 @@ def linearize(
 
     Notes
     -----
-    A = dx'/dx, B = dx'/du (docs/model.md, S&K 5).
+    A = dx'/dx, B = dx'/du (docs/derivatives.md, S&K 5).
 
     Examples
     --------

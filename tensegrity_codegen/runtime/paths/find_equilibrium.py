@@ -189,7 +189,7 @@ def find_equilibrium(
 
     Notes
     -----
-    Solves dU/dq = 0 with a positive semidefinite Hessian d2U/dq2 (docs/model.md).
+    Solves dU/dq = 0 with a positive semidefinite Hessian d2U/dq2 (docs/statics.md).
 
     Examples
     --------

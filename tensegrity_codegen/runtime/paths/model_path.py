@@ -68,7 +68,7 @@ class ModelPath:
 
     Notes
     -----
-    g(q, lambda) = -dU/dq (docs/model.md, load paths).
+    g(q, lambda) = -dU/dq (docs/statics.md, Load paths).
     """
 
     has_rigid_bars: ClassVar[bool] = False

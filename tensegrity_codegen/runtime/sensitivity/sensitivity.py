@@ -264,7 +264,7 @@ def equilibrium_sensitivity(
     -----
     K dq = (df/drho) drho, dt = (dt/dq) dq + (dt/drho) drho with the tangent stiffness K, by one sparse
     factorisation. Rigid motions that cost no force are held by orthogonality, rigid bars by their lengths
-    (docs/model.md).
+    (docs/statics.md).
 
     Examples
     --------

@@ -115,10 +115,10 @@ def motion_gradient(
     Notes
     -----
     The exact transpose of the steps (Hairer, Norsett and Wanner 1993, II.15), of their dense output, and of
-    the jumps of derivatives where damped cables are pulled taut (docs/model.md). It costs 2 to 3 motions,
-    whatever the number of parameters. Steps are controlled by the motion alone: on stiff ground they may be
-    too long for derivatives. A library with `directions` controls the derivatives along these too: one along
-    all numbers is enough, and shows in `motion.columns` whether both ways give the same.
+    the jumps of derivatives where damped cables are pulled taut (docs/derivatives.md). It costs 2 to 3
+    motions, whatever the number of parameters. Steps are controlled by the motion alone: on stiff ground they
+    may be too long for derivatives. A library with `directions` controls the derivatives along these too: one
+    along all numbers is enough, and shows in `motion.columns` whether both ways give the same.
 
     Examples
     --------

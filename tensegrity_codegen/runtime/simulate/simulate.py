@@ -216,7 +216,7 @@ def simulate(
         from 0 to t_end.
     method : str
         ``"auto"``, the name of an integrator of the library (``"rk853"``, ``"rk54"``, ``"rk4"``, ...) or of a
-        method of SciPy (``"scipy_dop853"``, ...): docs/model.md lists them.
+        method of SciPy (``"scipy_dop853"``, ...): docs/motions.md lists them.
     rtol : float
         Relative tolerance.
     coordinate, velocity : array_like, shape (n_coordinates,), optional
@@ -254,8 +254,8 @@ def simulate(
 
     Notes
     -----
-    Solves H q'' = f(q, q') (docs/model.md). Steps end where cables go slack or taut, if the library has this
-    event; ``Trajectory.log`` lists the events.
+    Solves H q'' = f(q, q') (docs/motions.md). Steps end where cables go slack or taut, if the library has
+    this event; ``Trajectory.log`` lists the events.
 
     Examples
     --------

@@ -244,8 +244,8 @@ def identify(
     Notes
     -----
     Weighted least squares by `scipy.optimize.least_squares` with the derivatives that are integrated beside
-    the motion (docs/model.md), short times first; those of equilibria are central differences. Covariance
-    (J^T J)^-1.
+    the motion (docs/derivatives.md), short times first; those of equilibria are central differences.
+    Covariance (J^T J)^-1.
 
     Examples
     --------

@@ -59,7 +59,6 @@ EXCLUDED = (
     ("docs/machines.md", "arm-none-eabi-gcc", "needs that compiler; tests/codegen compile for it by zig"),
     ("docs/machines.md", "import { readFileSync }", "tests/codegen/test_other_machines.py runs it in node"),
     ("docs/fmu.md", "cc -std=c99", "in the sources of an FMU; tests/export compile them"),
-    ("docs/guides/method.md", "tensegrity-codegen report", "takes minutes; tests/studies run smaller ones"),
     ("docs/guides/trust.md", "tensegrity-codegen stability", "takes minutes; tests/studies run smaller ones"),
     (
         "docs/reproduction.md",

@@ -1,7 +1,7 @@
 """Where the energy of motions on the ground goes: work of friction, impacts, damping and belts.
 
 Normal force: Hunt and Crossley, Journal of Applied Mechanics 42 (1975) 440; friction: a bristle in series
-with a Coulomb slider, see docs/model.md. The work is integrated with the motion, so that the change of the
+with a Coulomb slider, see docs/ground.md. The work is integrated with the motion, so that the change of the
 total energy, of which nothing else knows, checks both.
 """
 

@@ -48,4 +48,4 @@ def test_the_table_of_methods_is_written_from_the_records(update_golden: bool) -
     ]
     head = ("method", "what it is", "order", "by", "ends steps at events", "in batches")
     head += ("can keep the energy", "inputs over time by")
-    check_table("model.md", "methods", head, rows, update_golden)
+    check_table("motions.md", "methods", head, rows, update_golden)
