@@ -27,7 +27,6 @@ BLOCKS = {page: find_blocks(page) for page in list_pages()}
 RUN = [page for page, blocks in BLOCKS.items() if any(classify(block) == "run" for block in blocks)]
 LANGUAGES = {"sh", "python", "py", "c", "toml", "json", "text"}
 NEEDS = {
-    "docs/guides/sweep.md": ("zarr", "xarray", "SALib"),
     "docs/sweep.md": ("zarr", "xarray", "SALib", "distributed"),
     "docs/guides/plan.md": ("daqp",),
     "docs/planning.md": ("daqp",),
