@@ -37,7 +37,6 @@ EXCLUDED = (
     ("CONTRIBUTING.md", "make setup", "verbs of this repository's Makefile; they run these tests"),
     ("examples/README.md", "make examples", "tests/examples run the programs"),
     ("docs/start.md", "python -m venv", "installs packages, from a network"),
-    ("docs/sweep.md", "pip install", "installs packages, from a network"),
     ("docs/sweep.md", "dask scheduler", "needs several machines; tests/sweeps runs a cluster of processes"),
     ("docs/sweep.md", "from dask_jobqueue", "needs a cluster with SLURM"),
     (

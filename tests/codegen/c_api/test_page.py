@@ -3,8 +3,6 @@
 import functools
 import re
 
-from tensegrity_codegen.codegen.integrators.integrators import INTEGRATORS
-from tensegrity_codegen.codegen.integrators.solvers import SOLVERS
 from tensegrity_codegen.tables.manifest import (
     ABI_VERSION,
     ALL_STATUS,
@@ -90,21 +88,6 @@ def test_names(update_golden: bool) -> None:
 def test_arguments(update_golden: bool) -> None:
     rows = [(f"`{item.name}`", shape_of(item), item.unit, cell(item.sentence)) for item in ARGUMENTS.values()]
     check_table(PAGE, "arguments", ("argument", "shape", "unit", "meaning"), rows, update_golden)
-
-
-def test_integrators(update_golden: bool) -> None:
-    rows = [
-        (
-            f"`name_integrate_{name}`, `name_integrate_{name}_run`",
-            "Radau IIA of order 5, for stiff bars" if item.kind == "implicit" else item.title,
-        )
-        for name, item in INTEGRATORS.items()
-    ]
-    rows += [
-        (f"`name_find_{name}`, `name_find_{name}_path`", "Newton's method on the potential energy")
-        for name in SOLVERS
-    ]
-    check_table(PAGE, "integrators", ("functions", "method"), rows, update_golden)
 
 
 STRUCTS = {
