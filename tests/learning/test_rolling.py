@@ -17,6 +17,7 @@ def test_the_policy_of_the_example_rolls_and_walks_in_c(
     """Twenty robots that it was not trained with come at least 1 m far in 10 s."""
     pytest.importorskip("gymnasium")
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", ["learn_to_roll.py"])
     names = runpy.run_path(str(ROOT / "examples/learn_to_roll.py"))
     assert names["way"].shape == (20,)
     assert names["way"].min() >= 1.0

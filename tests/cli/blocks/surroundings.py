@@ -54,6 +54,7 @@ EXCLUDED = (
     ),
     ("docs/learning.md", "import jax", "needs JAX; tests/learning/derivatives/test_page.py runs it"),
     ("docs/learning.md", "import torch", "needs PyTorch; tests/learning/derivatives/test_page.py runs it"),
+    ("docs/build_a_robot.md", "python tensegrity_codegen", "takes minutes; tests/learning/test_rolling.py"),
     ("docs/coming_from/compas.md", "from jax_fdm", "needs jax_fdm; the block behind it has the same result"),
     ("docs/machines.md", "arm-none-eabi-gcc", "needs that compiler; tests/codegen compile for it by zig"),
     ("docs/machines.md", "import { readFileSync }", "tests/codegen/test_other_machines.py runs it in node"),
