@@ -58,6 +58,11 @@ EXCLUDED = (
     ("docs/coming_from/compas.md", "from jax_fdm", "needs jax_fdm; the block behind it has the same result"),
     ("docs/machines.md", "arm-none-eabi-gcc", "needs that compiler; tests/codegen compile for it by zig"),
     ("docs/machines.md", "import { readFileSync }", "tests/codegen/test_other_machines.py runs it in node"),
+    (
+        "docs/export.md",
+        "tensegrity-codegen export acados",
+        "needs acados; tests/cli/test_control.py writes its project",
+    ),
     ("docs/fmu.md", "cc -std=c99", "in the sources of an FMU; tests/export compile them"),
     ("docs/guides/trust.md", "tensegrity-codegen stability", "takes minutes; tests/studies run smaller ones"),
     (
