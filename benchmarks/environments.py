@@ -415,9 +415,7 @@ def describe_finding(cells: Sequence[Sequence[str]]) -> str:
     peers = [row for row in cells if row[1].startswith("MuJoCo")]
     rates = [f"{max((row[4] for row in ours if row[0] == name), key=read_number)} ({name})"
              for name in dict.fromkeys(row[0] for row in ours)]  # fmt: skip
-    equal, usual = (
-        [read_number(row[5]) for row in peers if (row[2] == "2 ms") == is_usual] for is_usual in (False, True)
-    )
+    equal, usual = ([read_number(row[5]) for row in peers[first::2]] for first in (0, 1))
     return (
         f"{' and '.join(rates)} robot steps a second; MuJoCo is {min(equal):.3g} to {max(equal):.3g} "
         "times slower "

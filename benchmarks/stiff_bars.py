@@ -161,9 +161,7 @@ CASES = (
         for name, ratio, damping in (
             ("prism", 1.0, 0.1),
             ("prism", 1.0, 10.0),
-            ("prism", 1.0, 1e3),
             ("icosahedron", 1.0, 10.0),
-            ("prism", 1e3, 10.0),
             ("prism", 1e3, 0.0),
         )
         for error in (1e-3, 1e-5, 1e-8)
@@ -364,8 +362,10 @@ def main() -> None:
     )
     parser.add_argument("--patience", type=float, default=5.0, help="seconds that one run of a peer may take")
     parser.add_argument("--quick", action="store_true", help="two settings a decade, fewer rounds")
+    parser.add_argument("--rounds", type=int, default=ROUNDS, help="rounds of the times")
     parser.add_argument("--write", action="store_true", help="write docs/stiffness.md")
     words = parser.parse_args()
+    globals().update(ROUNDS=words.rounds)
     if words.quick:
         globals().update(A_DECADE=2, CANDIDATES=2, ROUNDS=5, TRIALS=3)
     compared, rows = [], []
@@ -404,9 +404,9 @@ def describe_finding(rows: Sequence[str]) -> str:
     whatever, python = ratios["any"].values(), ratios["any, ours called from Python"].values()
     alike = min(min(ratios[bars].values()) for bars in ("elastic bars", "rigid bars") if bars in ratios)
     return (
-        f"At equal error {min(whatever):.2g} to {max(whatever):.3g} times as fast in C as the fastest other "
-        f"program, {alike:.2g} times at least where both take bars as elastic or both as rigid; `simulate` "
-        f"from Python {min(python):.2g} to {max(python):.2g} times"
+        f"At equal error {min(cvode):.2g} to {max(cvode):,.0f} times as fast as CVODE, {min(springs):.2g} to "
+        f"{max(springs):,.0f} as MuJoCo with springs; `simulate` from Python "
+        f"{min(gather('any, ours called from Python', '')):.2g} times at worst"
     )
 
 

@@ -42,9 +42,9 @@ class Program:
 
 
 PROGRAMS = (
-    Program("stability_pages", "stability.md", "--budget 90 --limit 1", is_timing=False),
+    Program("stability_pages", "stability.md", "--budget 110 --limit 1", is_timing=False),
     Program("reproduction_page", "reproduction.md", is_timing=False),
-    Program("identification", "identify_measured.md", "--seeds 40", is_timing=False),
+    Program("identification", "identify_measured.md", "--seeds 100", is_timing=False),
     Program("machines", "answers_measured.md", is_timing=False),
     Program("control_delays", "control_measured.md", "prism tower", is_timing=False),
     Program(
@@ -56,16 +56,16 @@ PROGRAMS = (
     Program("gradients", "identify_measured.md", "--no-mjx"),
     Program("ground", "ground_measured.md"),
     Program("derivatives", "learning_measured.md"),
-    Program("environments", "learning_measured.md", "--rounds 3"),
+    Program("environments", "learning_measured.md", "--rounds 3 --states 32"),
     Program("ensembles", "sweep_measured.md"),
     Program("sweep", "sweep_measured.md"),
     Program("sweep_scaling", "sweep_measured.md", "--quick"),
-    Program("time_to_answer", "answers_measured.md"),
+    Program("time_to_answer", "answers_measured.md", "--verbs check equilibrium analyse simulate build play"),
     Program("live_pages", "answers_measured.md"),
     Program("robots", "robots_measured.md", "--rounds 5"),
     Program("stiffness_spread", "stiffness.md", "--rounds 5"),
-    Program("stiff_bars", "stiffness.md", "prism icosahedron tower rosenbrock --quick"),
-    Program("simulate_calls", "simulate_calls.md", "--references output/references --quick"),
+    Program("stiff_bars", "stiffness.md", "prism icosahedron tower rosenbrock --patience 1 --rounds 5"),
+    Program("simulate_calls", "simulate_calls.md", "--references output/references --quick --patience 1"),
     Program("bench", "benchmarks.md", "--only prism icosahedron tower10"),
 )
 # What README says before the finding of a program.
