@@ -9,8 +9,8 @@ from tensegrity_codegen.report.analysis_tables import (
     LIMIT_NAMES,
     describe_analysis_finding,
     describe_counts,
-    describe_modes,
 )
+from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.report.pages.diagram import Diagram, Series
 from tensegrity_codegen.report.pages.page import (
     Block,
@@ -41,12 +41,8 @@ LEAD = (
     "and whether tensions stiffen these. Tensions are positive, compressions negative. Motions are enlarged; "
     "dotted lines show the configuration itself."
 )
-STATUS = {
-    "stable": "stable",
-    "unstable": "unstable",
-    "infeasible": "no prestress exists",
-    "undecided": "undecided",
-}
+EQUAL = 1e-5  # relative difference of frequencies below which modes share them
+TIE = 1e-3  # of the weights of nodes, which part modes that symmetry would leave arbitrary
 
 
 def build_analysis_page(
@@ -58,17 +54,22 @@ def build_analysis_page(
     command line that makes the page.
     """
     rows = tuple((text_cell(name), text_cell(value)) for name, value in describe_counts(analysis))
-    table = Table("What was found", (Column("what", numeric=False), Column("value", numeric=False)), rows)
-    blocks: list[Block] = [Paragraph(as_sentence(analysis.message))]
-    blocks += [Remark("differs", as_sentence(text)) for text in analysis.warnings]
+    table = Table(
+        "Counts and stiffness", (Column("what", numeric=False), Column("value", numeric=False)), rows
+    )
+    blocks: list[Block] = [Remark("differs", as_sentence(text)) for text in analysis.warnings]
+    blocks += [] if analysis.is_good else [Paragraph(as_sentence(analysis.message))]
+    unbalanced = f"; out of balance by {format_short(analysis.residual)} N here: settle it first"
+    unbalanced = "" if analysis.is_balanced else unbalanced
+    motions = _choose_motions(analysis)
     sections = (
-        Section("verdict", "all", "Verdict", "plain", STATUS[analysis.status], (*blocks, table)),
-        _singular_values(analysis),
         _prestress(analysis, structure),
+        Section("found", "", "What was found", "plain", "", (*blocks, table)),
         *_proof(analysis, structure, member_name),
-        *_mechanisms(analysis, structure),
-        *_modes(analysis, structure),
+        *_mechanisms(analysis, structure, motions),
+        *_modes(analysis, structure, motions),
         _members(analysis, member_name),
+        _singular_values(analysis),
         *([command_section(command)] if command else []),
     )
     counts = ", ".join(
@@ -79,11 +80,10 @@ def build_analysis_page(
     )
     return Page(
         subject=f"Analysis of {structure.name}",
-        title=describe_analysis_finding(analysis),
+        title=describe_analysis_finding(analysis) + unbalanced,
         lead=LEAD,
-        chapters=(Chapter("analysis", structure.name, STATUS[analysis.status], f"{counts}.", sections),),
+        chapters=(Chapter("analysis", structure.name, "", f"{counts}.", sections),),
         facts=(f"tensegrity_codegen {VERSION}.", "Equations, signs and statuses: docs/analyse.md."),
-        summary_heads=("part", "what", "result"),
     )
 
 
@@ -104,7 +104,7 @@ def _singular_values(analysis: Analysis) -> Section:
     blocks = (
         (diagram_figure("singular", diagram, caption, f"Singular values: {text}"),) if len(values) else ()
     )
-    return Section("singular-values", "rank", "Singular values", "plain", text, blocks)
+    return Section("singular-values", "", "Singular values", "plain", text, blocks)
 
 
 def _prestress(analysis: Analysis, structure: Structure) -> Section:
@@ -117,6 +117,8 @@ def _prestress(analysis: Analysis, structure: Structure) -> Section:
         text, tension = "no member needs to be in tension", selfstress.tension
     else:
         text, tension = "no prestress exists; the present tensions are shown", analysis.member_tension
+        if not analysis.is_balanced:
+            text += f", which are not in balance: up to {format_short(analysis.residual)} N are missing"
     unit = "member tension / largest force" if tension is selfstress.tension else "member tension [N]"
     # Tensions of all that is drawn; those of the edges of bodies are unknown
     picture = draw_tensions(structure, analysis.node_position, pad_tension(tension, structure), unit)
@@ -126,7 +128,7 @@ def _prestress(analysis: Analysis, structure: Structure) -> Section:
         f"The structure, {text}",
         {"tension": tension.tolist()},
     )
-    return Section("prestress", "tension", "Prestress", "plain", text, (figure,))
+    return Section("prestress", "", "Prestress", "plain", text, (figure,))
 
 
 def _proof(analysis: Analysis, structure: Structure, member_name: tuple[str, ...]) -> Iterator[Section]:
@@ -150,7 +152,7 @@ def _proof(analysis: Analysis, structure: Structure, member_name: tuple[str, ...
         "self-stress does none: so there is no such self-stress."
     )
     title = "Why no self-stress keeps every cable in tension"
-    yield Section("proof", "proof", title, "plain", text, (why, figure, moved, lengths))
+    yield Section("proof", "", title, "plain", text, (why, figure, moved, lengths))
 
 
 def tabulate_elongation(proof: Certificate, member_name: Sequence[str], spec: str) -> Table:
@@ -166,89 +168,111 @@ def tabulate_elongation(proof: Certificate, member_name: Sequence[str], spec: st
     return Table("Changes of length, A^T d", columns, rows, note)
 
 
-def _mechanisms(analysis: Analysis, structure: Structure) -> Iterator[Section]:
+def _choose_motions(analysis: Analysis) -> FloatArray:
+    """Return the drawn mechanisms, then the drawn modes, (n_nodes, 3, n), of bases that a rule chooses."""
+    modes, count = analysis.modes, analysis.n_mechanisms
+    parts = [align_motions(analysis.mechanism, np.zeros(count))[..., :MAX_MECHANISMS]]
+    if modes is not None:
+        key = modes.frequency - modes.growth_rate
+        parts.append(align_motions(modes.shape, key)[..., :MAX_MODES])
+    return np.concatenate(parts, axis=-1)
+
+
+def align_motions(motion: FloatArray, value: FloatArray) -> FloatArray:
+    """Return motions (n_nodes, 3, n) of which those of equal value (n,) are parted along x and y.
+
+    Any basis of the motions of a repeated eigenvalue is as good as another. This one makes the squared
+    displacement along x stationary, which is large in the first; of a basis its signs are fixed too.
+    """
+    aligned = np.array(motion, dtype=float)
+    weight = 1.0 + TIE * np.linspace(1.0, 0.0, len(aligned))
+    start = 0
+    for end in range(1, len(value) + 1):
+        if end < len(value) and value[end] - value[start] <= EQUAL * max(np.abs(value).max(), 1e-300):
+            continue
+        base, _ = np.linalg.qr(aligned[..., start:end].reshape(-1, end - start))
+        along = base.reshape(len(aligned), 3, -1)[:, 0] * np.sqrt(weight)[:, None]
+        _, turn = np.linalg.eigh(-along.T @ along)
+        block = base @ turn
+        size = np.abs(block)
+        leading = (size > (1 - EQUAL) * size.max(axis=0)).argmax(axis=0)
+        block *= np.sign(block[leading, np.arange(end - start)])
+        aligned[..., start:end] = block.reshape(len(aligned), 3, -1)
+        start = end
+    return aligned
+
+
+def _mechanisms(analysis: Analysis, structure: Structure, motions: FloatArray) -> Iterator[Section]:
     count = analysis.n_mechanisms
     if count:
         text = f"{count} motion{'s' * (count > 1)} that change{'s' * (count == 1)} no length to first order"
         figures = tuple(
-            _motion_figure(
-                structure, analysis, analysis.mechanism[:, :, k], f"mechanism{k + 1}", f"Mechanism {k + 1}."
-            )
+            _motion_figure(structure, analysis, motions, k, f"mechanism{k + 1}", f"Mechanism {k + 1}.")
             for k in range(min(count, MAX_MECHANISMS))
         )
-        yield Section("mechanisms", "motion", "Mechanisms", "plain", text, figures)
+        yield Section("mechanisms", "", "Mechanisms", "plain", text, figures)
 
 
-def _modes(analysis: Analysis, structure: Structure) -> Iterator[Section]:
+def _modes(analysis: Analysis, structure: Structure, motions: FloatArray) -> Iterator[Section]:
     modes = analysis.modes
     if modes is None or not len(modes.frequency):
         return
     figures = []
+    first = min(analysis.n_mechanisms, MAX_MECHANISMS)
     for k in range(min(len(modes.frequency), MAX_MODES)):
         caption = f"Mode {k + 1}: {modes.frequency[k]:.5g} Hz."
         if modes.growth_rate[k]:
             caption = f"Mode {k + 1}: unstable, grows by {modes.growth_rate[k]:.4g} 1/s."
-        figures.append(_motion_figure(structure, analysis, modes.shape[:, :, k], f"mode{k + 1}", caption))
-    lacking = (
-        f", {MAX_MODES} of {len(modes.frequency)} computed modes drawn"
-        if len(modes.frequency) > MAX_MODES
-        else ""
-    )
-    text = f"{describe_modes(analysis)}; {modes.n_total} modes{lacking}"
+        figures.append(_motion_figure(structure, analysis, motions, first + k, f"mode{k + 1}", caption))
+    text = f"{len(figures)} of {modes.n_total} modes drawn"
+    if not analysis.is_balanced:
+        text += "; the forces are not in balance here, so these are no oscillations about an equilibrium"
     columns = (Column("mode"), Column("frequency", "Hz"), Column("growth", "1/s"))
     rows = tuple(
         (
             number_cell(float(k + 1), ".0f"),
             number_cell(float(frequency), ".5g"),
-            number_cell(float(rate), ".4g"),
+            number_cell(float(rate) or None, ".4g"),
         )
         for k, (frequency, rate) in enumerate(zip(modes.frequency, modes.growth_rate, strict=True))
     )
-    with_growth = bool(np.any(modes.growth_rate))
-    n_columns = 3 if with_growth else 2
-    table = Table("Natural frequencies", columns[:n_columns], tuple(row[:n_columns] for row in rows))
+    table = Table("Natural frequencies", columns, rows)
     name = "Natural frequencies at the present tensions"
-    yield Section("modes", "motion", name, "plain", text, (*figures, table))
+    yield Section("modes", "", name, "plain", text, (*figures, table))
 
 
 def _motion_figure(
-    structure: Structure, analysis: Analysis, motion: FloatArray, name: str, caption: str
+    structure: Structure, analysis: Analysis, motions: FloatArray, k: int, name: str, caption: str
 ) -> Figure:
-    picture = draw_picture(draw_motion(structure, analysis.node_position, motion), name)
-    return Figure(picture, caption, caption, {"displacement": motion.tolist()})
+    picture = draw_picture(draw_motion(structure, analysis.node_position, motions[..., k], motions), name)
+    return Figure(picture, caption, caption, {"displacement": motions[..., k].tolist()})
 
 
 def _members(analysis: Analysis, member_name: tuple[str, ...]) -> Section:
-    members = analysis.members
-    limited = [name for name in MEMBER_CHECKS if not np.isnan(members.use[name]).all()]
-    with_section = not np.isnan(members.stress).all()
+    members, count = analysis.members, len(member_name)
     columns = [Column("member", numeric=False), Column("prestress", "1"), Column("tension", "N")]
-    columns += [Column("stress", "MPa"), Column("buckling factor")] if with_section else []
-    columns += [Column(f"{LIMIT_NAMES[name]} used", "%") for name in limited]
-    rows = []
-    for e, name in enumerate(member_name):
-        cells = [
+    columns += [Column("stress", "MPa"), Column("buckling factor")]
+    columns += [Column(f"{LIMIT_NAMES[name]} used", "%") for name in MEMBER_CHECKS]
+    rows = tuple(
+        (
             text_cell(name),
             number_cell(float(analysis.prestress.tension[e]), "+.4f"),
             number_cell(float(analysis.member_tension[e]), "+.4f"),
-        ]
-        if with_section:
-            cells += [_cell(members.stress[e] / 1e6, ".3f"), _cell(members.buckling_factor[e], ".2f")]
-        cells += [_cell(100 * members.use[limit][e], ".1f") for limit in limited]
-        rows.append(tuple(cells))
-    text = "no limits are stated"
+            _cell(members.stress[e] / 1e6, ".3f"),
+            _cell(members.buckling_factor[e], ".2f"),
+            *(_cell(100 * members.use[limit][e], ".1f") for limit in MEMBER_CHECKS),
+        )
+        for e, name in enumerate(member_name)
+    )
+    text, head = "no limits are stated", ()
     if members.worst is not None:
         member, limit, use = members.worst
         text = f"nearest to a limit: {member}, {LIMIT_NAMES[limit]}, {100 * use:.3g} % used"
-    uses = np.array([members.use[name][: len(member_name)] for name in limited]).reshape(
-        len(limited), len(member_name)
-    )
-    order = np.argsort(-np.nan_to_num(uses, nan=0.0).max(axis=0, initial=0.0), kind="stable")
-    head = tuple(order[:8].tolist()) if limited else ()
-    note = "the nearest to a limit" if limited else ""
-    caption = "Members at the present tensions"
-    table = Table(caption, tuple(columns), tuple(rows), head=head, head_note=note)
-    return Section("members", "limits", "Members", "plain", text, (table,))
+        uses = np.nan_to_num([members.use[name][:count] for name in MEMBER_CHECKS]).max(axis=0)
+        head = tuple(np.argsort(-uses, kind="stable")[:8].tolist())
+    note = "the nearest to a limit" if head else ""
+    table = Table("Members at the present tensions", tuple(columns), rows, head=head, head_note=note)
+    return Section("members", "", "Members", "plain", text, (table,))
 
 
 def _cell(value: float, spec: str) -> Cell:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen import compile_scene
-from tensegrity_codegen.report.analysis_page import build_analysis_page
+from tensegrity_codegen.report.analysis_page import align_motions, build_analysis_page
 from tensegrity_codegen.report.pages.page import Figure, Page, render_page
 from tensegrity_codegen.report.pages.page_table import Table
 from tensegrity_codegen.runtime.analysis.analyse import analyse
@@ -44,20 +44,41 @@ def sections(page: Page) -> dict[str, tuple]:
 def test_a_stable_structure_has_mechanisms_and_modes(stable: Page) -> None:
     found = sections(stable)
     assert list(found) == [
-        "verdict",
-        "singular-values",
-        "prestress",
-        "mechanisms",
-        "modes",
-        "members",
-        "command",
+        *("prestress", "found", "mechanisms", "modes", "members", "singular-values", "command"),
     ]
     assert len(found["mechanisms"]) == 1
     assert [type(block) for block in found["modes"]] == [Figure] * 6 + [Table]
-    assert stable.chapters[0].title == "stable"
     (picture,) = found["prestress"]
     assert isinstance(picture, Figure)
     assert max(np.abs(picture.data["tension"])) == pytest.approx(1.0)
+
+
+def test_forces_that_are_not_in_balance_are_in_the_headline() -> None:
+    page = page_of(prism(load={3: (0.0, 0.0, -50.0)}))
+    assert page.title.endswith(" N here: settle it first")
+    assert "no oscillations about an equilibrium" in render_page(page)
+
+
+def test_modes_that_share_a_frequency_are_parted_by_a_rule() -> None:
+    rng = np.random.default_rng(1)
+    base = np.linalg.qr(rng.normal(size=(18, 4)))[0].reshape(6, 3, 4)
+    turn = np.linalg.qr(rng.normal(size=(2, 2)))[0]
+    turned = np.concatenate([base[..., :1], base[..., 1:3] @ turn, base[..., 3:]], axis=-1)
+    value = np.array([1.0, 2.0, 2.0 + 1e-9, 3.0])
+    one, other = align_motions(base, value), align_motions(turned, value)
+    np.testing.assert_allclose(one, other, atol=1e-9)
+    np.testing.assert_allclose(np.abs(one[..., [0, 3]]), np.abs(base[..., [0, 3]]), atol=1e-12)
+    along = (one[:, 0] ** 2).sum(axis=0)
+    assert along[1] > along[2]
+    pair = np.stack([np.eye(3)[[0] * 5], np.eye(3)[[1] * 5]], axis=-1)  # a motion along x, one along y
+    np.testing.assert_allclose(align_motions(pair @ turn, np.ones(2)), pair / np.sqrt(5), atol=1e-12)
+
+
+def test_all_motions_of_a_page_are_drawn_at_one_scale(stable: Page) -> None:
+    found = sections(stable)
+    blocks = [block for name in ("mechanisms", "modes") for block in found[name] if isinstance(block, Figure)]
+    assert len({(block.picture.width, block.picture.height) for block in blocks}) == 1
+    assert all(">bar</text>" in block.picture.svg for block in blocks)
 
 
 def test_a_proof_has_displacements_and_changes_of_length(infeasible: Page) -> None:

@@ -64,7 +64,7 @@ def build_motion(study: ControlStudy, model: CompiledModel, structure: Structure
     film = draw_film(structure, run.time[rows], position, tension, planned, slow_down=slow)
     summary = f"the worst draw with the {LOOP_NAMES[name]}; dotted: the motion as planned"
     figures.append(Figure(film, f"Film: {summary}.", f"Film of {summary}", {"time": run.time[rows].tolist()}))
-    return Section("motion", "motion", "The motion", "plain", summary, tuple(figures))
+    return Section("motion", "", "The motion", "plain", summary, tuple(figures))
 
 
 def build_errors(study: ControlStudy, model: CompiledModel) -> Section:
@@ -72,21 +72,19 @@ def build_errors(study: ControlStudy, model: CompiledModel) -> Section:
     marks = _marks(study)
     away = {name: find_displacement(model, loop.run).max(axis=1) for name, loop in study.loops.items()}
     series = _draw_loops(study, {name: 1000 * values for name, values in away.items()})
-    caption = "Largest distance of a node from the motion."
+    caption = "Distance of the node that is farthest from the motion, in the worst draw."
     diagram = Diagram(TIME, "distance [mm]", series, log_y=_is_positive(series), vertical=marks)
     figures = [diagram_figure("distance", diagram, caption, caption)]
     angles = study.tuning.scales.is_angle
     if angles.any():
         largest = {name: np.abs(loop.run.error[:, angles]).max(axis=1) for name, loop in study.loops.items()}
         series = _draw_loops(study, {name: np.degrees(values) for name, values in largest.items()})
-        caption = "Largest error of an angle."
+        caption = "Largest error of an angle, in the worst draw."
         diagram = Diagram(TIME, "error [deg]", series, log_y=_is_positive(series), vertical=marks)
         figures.append(diagram_figure("angle", diagram, caption, caption))
-    ends = ", ".join(
-        f"{LOOP_NAMES[name]} {format_short(1000 * loop.measures[study.worst_draw].end_error)} mm"
-        for name, loop in study.loops.items()
-    )
-    return Section("errors", "worst draw", "Errors", "plain", f"at the end: {ends}", tuple(figures))
+    if angles.all():
+        figures.reverse()  # the first one is beside the heading, which states angles
+    return Section("errors", "", "Errors", "plain", "", tuple(figures))
 
 
 def build_commands(study: ControlStudy) -> Section:
@@ -146,7 +144,7 @@ def build_commands(study: ControlStudy) -> Section:
     fast = sorted(range(len(rows)), key=lambda k: -float(rows[k][4].value or 0.0))[:8]
     caption = "Actuators: rest lengths and rates, with their limits"
     table = Table(caption, columns, rows, head=tuple(fast), head_note="the fastest")
-    return Section("commands", "actuators", "Commands", "plain", summary, (*figures, table))
+    return Section("commands", "", "Commands", "plain", summary, (*figures, table))
 
 
 def build_tensions(study: ControlStudy, model: CompiledModel) -> Iterator[Section]:
@@ -172,11 +170,7 @@ def build_tensions(study: ControlStudy, model: CompiledModel) -> Iterator[Sectio
         diagram = Diagram(TIME, f"{extreme} tension [N]", series, horizontal=marks, vertical=_marks(study))
         caption = f"The {extreme} tension of the cables."
         figures.append(diagram_figure(f"tension-{extreme}", diagram, caption, caption))
-    ends = ", ".join(
-        f"{LOOP_NAMES[name]} {format_short(float(np.min(loop.end_tension)))} N"
-        for name, loop in study.loops.items()
-    )
-    yield Section("tensions", "limits", "Tensions", "plain", f"least at the end: {ends}", tuple(figures))
+    yield Section("tensions", "", "Tensions", "plain", "", tuple(figures))
 
 
 def build_estimate(study: ControlStudy) -> Iterator[Section]:
@@ -206,7 +200,7 @@ def build_estimate(study: ControlStudy) -> Iterator[Section]:
         figures.append(diagram_figure("forces", diagram, caption, caption))
     at_end = missed[time >= time[-1] - study.last]
     summary = f"largest error at the end {float(at_end.max()):.3g} mm"
-    yield Section("estimate", "worst draw", "Estimate", "plain", summary, tuple(figures))
+    yield Section("estimate", "", "Estimate", "plain", summary, tuple(figures))
 
 
 def _marks(study: ControlStudy) -> tuple[tuple[float, str], ...]:

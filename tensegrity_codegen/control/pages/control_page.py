@@ -46,18 +46,6 @@ from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.system.version import VERSION
 from tensegrity_codegen.tables.body_places import show_members
 
-LEAD = {
-    "holds": "With feedback the errors at the end are not larger than without.",
-    "does_not_hold": "Without feedback the errors at the end are smaller than with it.",
-    "not_solved": "In a loop with feedback many commands are not those of a solved program.",
-    "unstable": "The simulation of a loop with feedback stopped.",
-}
-STATUS = {
-    "holds": "feedback keeps the motion",
-    "does_not_hold": "feedback does not keep the motion",
-    "not_solved": "the programs of feedback are not solved",
-    "unstable": "feedback is unstable",
-}
 LOOPS = (
     "Open loop: without feedback. True state: feedback on the exact state, as if everything were measured "
     "without noise. Estimator: feedback on the state estimated from the sensors."
@@ -73,8 +61,8 @@ def build_control_page(study: ControlStudy, model: CompiledModel, structure: Str
         bound = find_least_bound(model.structure.limits.least_tension[find_cables(model)])
     sections = (
         _outcome(study),
-        build_motion(study, model, structure),
         build_errors(study, model),
+        build_motion(study, model, structure),
         build_commands(study),
         *build_tensions(study, model),
         *build_estimate(study),
@@ -86,13 +74,11 @@ def build_control_page(study: ControlStudy, model: CompiledModel, structure: Str
     return Page(
         subject=f"Feedback control of {structure.name}",
         title=describe_control_finding(study, bound),
-        lead=f"{LEAD[study.status]} {as_sentence(study.message)} The end is the last {study.last:.3g} of "
+        lead=f"The end is the last {study.last:.3g} of "
         f"{format_short(study.t_end)} s; errors are the largest of {count} draw{'s' * (count != 1)} of the "
-        f"disturbances. Diagrams show the "
-        f"worst draw, number {study.worst_draw} (counted from 0).",
-        chapters=(Chapter("control", structure.name, STATUS[study.status], _count(study, model), sections),),
+        f"disturbances. Diagrams show the worst draw, number {study.worst_draw} (counted from 0).",
+        chapters=(Chapter("control", structure.name, "", _count(study, model), sections),),
         facts=(f"tensegrity_codegen {VERSION}.", "Equations, signs and statuses: docs/control.md."),
-        summary_heads=("part", "what", "result"),
     )
 
 
@@ -108,21 +94,17 @@ def _count(study: ControlStudy, model: CompiledModel) -> str:
 
 
 def _outcome(study: ControlStudy) -> Section:
-    columns = [
+    columns = (
         Column("loop", numeric=False), Column("error at the end", "mm"), Column("largest error", "mm"),
         Column("angle at the end", "deg"), Column("least tension at the end", "N"),
         Column("least tension, whole time", "N"), Column("commands cut", "%"),
-    ]  # fmt: skip
-    rows = [_outcome_row(name, loop) for name, loop in study.loops.items()]
-    shown = [0, *(k for k in range(1, len(columns)) if any(row[k].value is not None for row in rows))]
+    )  # fmt: skip
+    rows = tuple(_outcome_row(name, loop) for name, loop in study.loops.items())
     note = f"Distances of nodes from the motion, and errors of angles; of all draws the worst. {LOOPS}"
-    table = Table(
-        "Loops", tuple(columns[k] for k in shown), tuple(tuple(row[k] for k in shown) for row in rows), note
-    )
-    blocks: list[Block] = [table]
+    blocks: list[Block] = [Table("Loops", columns, rows, note)]
     blocks += [Remark("differs", as_sentence(sentence)) for sentence in study.warnings]
     blocks += [Paragraph(as_sentence(sentence)) for sentence in describe_facts(study)]
-    return Section("outcome", "all", "Outcome", "plain", study.message, tuple(blocks))
+    return Section("outcome", "", "Outcome", "plain", "", tuple(blocks))
 
 
 def _outcome_row(name: str, loop: LoopResult) -> tuple[Cell, ...]:
@@ -166,7 +148,7 @@ def _limits(study: ControlStudy) -> Section:
         for status, count in loop.steps.items()
     )  # fmt: skip
     blocks.append(Table("Commands of all draws", heads, counts))
-    return Section("limits", "limits", "Limits", "plain", summary, tuple(blocks))
+    return Section("limits", "", "Limits", "plain", summary, tuple(blocks))
 
 
 def _draws(study: ControlStudy) -> Section:
@@ -188,17 +170,17 @@ def _draws(study: ControlStudy) -> Section:
     end_error = study.loops[names[-1]].end_error
     worst = tuple(np.argsort(-np.nan_to_num(end_error, nan=np.inf), kind="stable")[:8].tolist())
     table = Table("Draws", tuple(columns), tuple(rows), note, head=worst, head_note="the largest errors")
-    return Section("draws", "all", "Draws", "plain", f"{len(rows)} draws, seed {study.seed}", (table,))
+    return Section("draws", "", "Draws", "plain", f"{len(rows)} draws, seed {study.seed}", (table,))
 
 
 def _design(study: ControlStudy) -> Section:
     gains, tuning = study.gains, study.tuning
     facts: list[tuple[str, float, str, str]] = [
         (TOLERANCE_ROW, 1000 * tuning.tolerance, "mm", ".4g"),
-        ("response time", 1000 * tuning.response_time, "ms", ".4g"),
+        ("response time", tuning.response_time, "s", ".4g"),
         ("lowest natural frequency", tuning.scales.frequency / (2 * np.pi), "Hz", ".4g"),
-        ("time between two commands", 1000 * gains.sample, "ms", ".4g"),
-        ("largest delay of an actuator", 1000 * float(study.bounds.delay.max(initial=0.0)), "ms", ".4g"),
+        ("time between two commands", gains.sample, "s", ".4g"),
+        ("largest delay of an actuator", float(study.bounds.delay.max(initial=0.0)), "s", ".4g"),
         ("time in which the slowest error falls to 1/e", study.time_constant, "s", ".3g"),
         ("integrals of errors", float(len(gains.integral_name)), "", ".0f"),
         ("residual of the Riccati equation", gains.residual, "", ".1e"),
@@ -212,7 +194,7 @@ def _design(study: ControlStudy) -> Section:
     columns = (Column("what", numeric=False), Column("value"), Column("unit", numeric=False))
     size = f"{gains.K.shape[1]} x {gains.K.shape[2]} gains at {len(gains.time)} times"
     return Section(
-        "design", "design", "Design", "plain", size,
+        "design", "", "Design", "plain", size,
         (Table("Regulator and estimator", columns, rows), _judge_loops(study)),
     )  # fmt: skip
 
@@ -226,7 +208,7 @@ def _judge_loops(study: ControlStudy) -> Table:
 
     for margins in study.margins.values():
         add("largest modulus of an eigenvalue, below 1 where stable", "", ".4f", margins.radius)
-        add("further delay of all actuators that makes it unstable", "ms", ".3g", 1000 * margins.delay)
+        add("further delay of all actuators that makes it unstable", "s", ".3g", margins.delay)
         add("factor of the effect of all actuators that makes it unstable", "", ".3g", margins.gain)
         for who, disk in (
             ("any actuator alone", float(margins.actuator_disk.min())),

@@ -143,7 +143,7 @@ def describe_facts(study: ControlStudy) -> list[str]:
     effort = f"{low:.4g} mm" if high - low < 1e-9 else f"{low:.4g} to {high:.4g} mm"
     lines.append(
         f"weights: displacement {1000 * tuning.tolerance:.4g} mm, effort {effort}, response time "
-        f"{1000 * tuning.response_time:.4g} ms; {len(gains.integral_name)} integrals of errors; slowest "
+        f"{tuning.response_time:.4g} s; {len(gains.integral_name)} integrals of errors; slowest "
         f"error falls to 1/e in {study.time_constant:.3g} s"
     )
     lines.append(describe_delays(study))
@@ -177,14 +177,14 @@ def describe_delays(study: ControlStudy) -> str:
     sentence = "commands act at once"
     if late:
         prefix = "up to " if float(delay.min()) < late else ""
-        sentence = f"commands act {prefix}{1000 * late:.3g} ms ({_count_samples(late / sample)}) later"
+        sentence = f"commands act {prefix}{late:.3g} s ({_count_samples(late / sample)}) later"
         sentence += ", which the gains predict" if np.allclose(study.gains.delay, delay) else ""
     stood = []
     for name, margins in study.margins.items():
         is_known = np.isfinite(margins.delay)
         further = margins.delay if is_known else MAX_SAMPLES * sample
         above = "" if is_known else "more than "
-        size = f"{above}{1000 * further:.3g} ms ({_count_samples(further / sample)})"
+        size = f"{above}{further:.3g} s ({_count_samples(further / sample)})"
         stood.append(f"{LOOP_NAMES[name]} {f'with {size} more' if margins.is_stable else 'at once'}")
     return f"{sentence}; linear loops become unstable: {', '.join(stood)}"
 

@@ -24,6 +24,7 @@ from tensegrity_codegen.report.pages.page import (
 )
 from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell, text_cell
 from tensegrity_codegen.report.pages.picture import draw_motion, draw_picture, draw_tensions
+from tensegrity_codegen.report.pictures.draw import pad_tension
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.runtime.records.plan_result import LIMIT_WORDS, Binding, PlanResult
 from tensegrity_codegen.structure.limits import Limits
@@ -35,27 +36,17 @@ from tensegrity_codegen.system.version import VERSION
 
 N_SHAPES = 4  # pictures of the path
 MAX_LINES = 6  # in a diagram
-LEAD = {
-    "found": "Changes of rest lengths move the structure through stable equilibria to its target.",
-    "blocked": "Changes of rest lengths move the structure through stable equilibria towards its target, "
-    "until it is blocked. Another path may exist: this one proves nothing about others.",
-    "infeasible": "It is proved that no plan reaches the target within the limits.",
-}
-POINTS = " Every point is an equilibrium within all limits. Tensions are positive, compressions negative."
-STATUS = {"found": "target reached", "blocked": "path blocked", "infeasible": "target impossible"}
+SIGNS = "Tensions are positive, compressions negative."
 PROGRESS = "progress [%]"
 
 
 def build_plan_page(plan: PlanResult, structure: Structure, limits: Limits, command: str = "") -> Page:
     """Return the page of a plan."""
-    path: list[Section] = []
-    if plan.n_steps:
-        path = [_shapes(plan, structure), _targets(plan), _rest_lengths(plan)]
-        path += build_limit_sections(plan, limits)
     sections = (
-        _outcome(plan),
+        *([_shapes(plan, structure)] if plan.n_steps else []),
+        _targets(plan),
         *_proof(plan, structure),
-        *path,
+        *([_rest_lengths(plan), *build_limit_sections(plan, limits)] if plan.n_steps else []),
         *([command_section(command)] if command else []),
     )
     counts = (
@@ -66,52 +57,31 @@ def build_plan_page(plan: PlanResult, structure: Structure, limits: Limits, comm
     return Page(
         subject=f"Plan of {structure.name}",
         title=describe_plan_finding(plan, limits),
-        lead=LEAD[plan.status] + (POINTS if plan.n_steps else ""),
-        chapters=(Chapter("plan", structure.name, STATUS[plan.status], f"{counts}.", sections),),
+        lead=f"{as_sentence(plan.message)} {SIGNS}",
+        chapters=(Chapter("plan", structure.name, "", f"{counts}.", sections),),
         facts=(f"tensegrity_codegen {VERSION}.", "Equations, signs and statuses: docs/planning.md."),
-        summary_heads=("part", "what", "result"),
     )
-
-
-def _outcome(plan: PlanResult) -> Section:
-    has_path = len(plan.target) > 0
-    rows = tuple(
-        (
-            text_cell(name),
-            *(number_cell(float(plan.target[row, k]) if has_path else None, ".6g") for row in (0, -1)),
-            number_cell(float(plan.goal[k]), ".6g"),
-            text_cell(plan.target_unit[k]),
-        )
-        for k, name in enumerate(plan.target_name)
-    )
-    heads = (Column("target", numeric=False), Column("start"), Column("reached"), Column("goal"))
-    blocks: list[Block] = [Paragraph(as_sentence(plan.message))]
-    blocks += [Remark("differs", as_sentence(sentence)) for sentence in plan.warnings]
-    blocks.append(Table("Targets", (*heads, Column("unit", numeric=False)), rows))
-    blocks += [Paragraph(as_sentence(sentence)) for sentence in describe_extremes(plan)]
-    if plan.time is not None and plan.n_steps:
-        blocks.append(Paragraph(f"The plan takes {format_short(float(plan.time[-1]))} s."))
-    return Section("outcome", "all", "Outcome", "plain", STATUS[plan.status], tuple(blocks))
 
 
 def _shapes(plan: PlanResult, structure: Structure) -> Section:
-    rows = np.unique(np.linspace(0, plan.n_steps, min(N_SHAPES, plan.n_steps + 1)).round().astype(int))
-    drawn = np.pad(
-        plan.member_tension,
-        ((0, 0), (0, structure.n_members - plan.member_tension.shape[1])),
-        constant_values=np.nan,
-    )
+    """Return the shape at the end, which stands beside the heading, and some before it, equally spaced."""
+    wanted = plan.progress[-1] * np.linspace(0.0, 1.0, N_SHAPES)
+    near = np.abs(plan.progress[:, None] - wanted).argmin(axis=0)
+    rows = [plan.n_steps, *np.unique(near[near < plan.n_steps]).tolist()]
+    drawn = pad_tension(plan.member_tension, structure)
     among = (plan.node_position[rows], drawn[rows])
     figures = []
     for row in rows:
-        caption = f"Progress {format_short(100 * plan.progress[row])} %: {_name_targets(plan, int(row))}."
+        caption = f"Progress {format_short(100 * plan.progress[row])} %: {_name_targets(plan, row)}."
+        shadow = None
+        if row == plan.n_steps:
+            caption, shadow = f"{caption[:-1]}; dotted: the start.", plan.node_position[0]
         picture = draw_tensions(
-            structure, plan.node_position[row], drawn[row], "member tension [N]", among=among
+            structure, plan.node_position[row], drawn[row], "member tension [N]", among=among, shadow=shadow
         )
         data = {"node_position": plan.node_position[row].tolist()}
         figures.append(Figure(draw_picture(picture, f"shape{row}"), caption, caption, data))
-    summary = f"{len(figures)} of {plan.n_steps + 1} points"
-    return Section("shapes", "path", "Shapes along the path", "plain", summary, tuple(figures))
+    return Section("shapes", "", "Shapes along the path", "plain", "", tuple(figures))
 
 
 def _name_targets(plan: PlanResult, row: int) -> str:
@@ -123,23 +93,32 @@ def _name_targets(plan: PlanResult, row: int) -> str:
 
 
 def _targets(plan: PlanResult) -> Section:
-    figures: list[Figure] = []
-    for unit in dict.fromkeys(plan.target_unit):
-        rows = [k for k, target_unit in enumerate(plan.target_unit) if target_unit == unit][:MAX_LINES]
+    has_path = len(plan.target) > 0
+    rows = tuple(
+        (
+            text_cell(name),
+            *(number_cell(float(plan.target[row, k]) if has_path else None, ".6g") for row in (0, -1)),
+            number_cell(float(plan.goal[k]), ".6g"),
+            text_cell(plan.target_unit[k]),
+        )
+        for k, name in enumerate(plan.target_name)
+    )
+    heads = (Column("target", numeric=False), Column("start"), Column("reached"), Column("goal"))
+    blocks: list[Block] = [Remark("differs", as_sentence(sentence)) for sentence in plan.warnings]
+    blocks.append(Table("Values of the targets", (*heads, Column("unit", numeric=False)), rows))
+    for unit in dict.fromkeys(plan.target_unit) if plan.n_steps else ():
+        chosen = [k for k, target_unit in enumerate(plan.target_unit) if target_unit == unit][:MAX_LINES]
         series = [
             Series(plan.target_name[k], 100 * plan.progress, plan.target[:, k], color=n)
-            for n, k in enumerate(rows)
+            for n, k in enumerate(chosen)
         ]
-        goals = dict.fromkeys(float(plan.goal[k]) for k in rows)
+        goals = dict.fromkeys(float(plan.goal[k]) for k in chosen)
         marks = tuple((goal, f"goal {format_short(goal, 4)} {unit}".rstrip()) for goal in goals)
         label = f"target [{unit}]" if unit else "target [SI]"
         diagram = Diagram(PROGRESS, label, series, horizontal=marks, legend_columns=2)
         caption = "Values of the targets along the path."
-        figures.append(joined_figure(f"targets{len(figures)}", diagram, caption, caption))
-    count = len(plan.target_name)
-    shown = _name_targets(plan, -1)
-    summary = f"{shown} at the end" if count <= 3 else f"{count} values"
-    return Section("targets", "targets", "Targets", "plain", summary, tuple(figures))
+        blocks.append(joined_figure(f"targets{len(blocks)}", diagram, caption, caption))
+    return Section("targets", "", "Targets", "plain", "", tuple(blocks))
 
 
 def _rest_lengths(plan: PlanResult) -> Section:
@@ -173,7 +152,7 @@ def _rest_lengths(plan: PlanResult) -> Section:
     farthest = tuple(np.argsort(-np.abs(moved[-1]), kind="stable")[:8].tolist())
     table = Table("Rest lengths", columns, rows, head=farthest, head_note="those that change most")
     blocks = (joined_figure("rest", diagram, caption, summary), table)
-    return Section("rest-lengths", "actuators", "Rest lengths", "plain", summary, blocks)
+    return Section("rest-lengths", "", "Rest lengths", "plain", summary, blocks)
 
 
 def _proof(plan: PlanResult, structure: Structure) -> Iterator[Section]:
@@ -195,7 +174,7 @@ def _proof(plan: PlanResult, structure: Structure) -> Iterator[Section]:
             Figure(draw_picture(picture, "proof"), f"The motion, enlarged: {summary}.", summary, data)
         )
     blocks.append(tabulate_elongation(proof, plan.member_name, "+.9f"))
-    yield Section("proof", "proof", "Why there is no plan", "plain", summary, tuple(blocks))
+    yield Section("proof", "", "Why there is no plan", "plain", summary, tuple(blocks))
 
 
 # Sections of the page of a plan about its limits: tensions, clearance, stability, what binds.
@@ -233,7 +212,7 @@ def _tensions(plan: PlanResult, limits: Limits) -> Section:
     summary = describe_extremes(plan)[0] if len(cables) else "no cables"
     caption = "Tensions of the cables, with their limits; dashed: cables that limit a step."
     figure = joined_figure("tension", diagram, caption, summary)
-    return Section("tensions", "limits", "Tensions", "plain", summary, (figure,))
+    return Section("tensions", "", "Tensions", "plain", summary, (figure,))
 
 
 def _clearance(plan: PlanResult, limits: Limits) -> Section:
@@ -248,7 +227,7 @@ def _clearance(plan: PlanResult, limits: Limits) -> Section:
     summary = f"least distance {format_short(1000 * float(plan.bar_distance.min()))} mm"
     caption = "Distances between the surfaces of the nearest bars."
     figure = joined_figure("clear", diagram, caption, summary)
-    return Section("clearance", "limits", "Clearance", "plain", summary, (figure,))
+    return Section("clearance", "", "Clearance", "plain", summary, (figure,))
 
 
 def _stiffness(plan: PlanResult, limits: Limits) -> Section:
@@ -259,7 +238,7 @@ def _stiffness(plan: PlanResult, limits: Limits) -> Section:
     summary = f"stable: smallest eigenvalue {format_short(float(plan.smallest_eigenvalue.min()))} N/m"
     caption = "Smallest eigenvalue of the tangent stiffness without rigid motions: positive where stable."
     figure = joined_figure("stiff", diagram, caption, summary)
-    return Section("stiffness", "limits", "Stability", "plain", summary, (figure,))
+    return Section("stiffness", "", "Stability", "plain", summary, (figure,))
 
 
 def _binding(plan: PlanResult) -> Section:
@@ -294,7 +273,7 @@ def _binding(plan: PlanResult) -> Section:
         summary = f"blocked at {format_short(100 * plan.block.progress)} % of the way"
         blocks.append(Table("Where the path is blocked", heads, gained))
     shown = tuple(blocks) or (Paragraph(as_sentence(summary)),)
-    return Section("binding", "limits", "What binds", "plain", summary, shown)
+    return Section("binding", "", "What binds", "plain", summary, shown)
 
 
 def _line(plan: PlanResult, name: str, values: FloatArray, color: int, style: str = "line") -> Series:

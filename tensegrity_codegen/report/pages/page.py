@@ -95,10 +95,11 @@ Block = Paragraph | Command | Remark | Table | Figure
 
 @dataclass(frozen=True)
 class Section:
-    """One thing of a paper: its name there (`source`, as in "Table 2"), a title, what came out, and the rest.
+    """One thing that came out: a title, the outcome, and the rest.
 
-    anchor: unique on the page, letters, digits and hyphens; result: the outcome in one short line; cause: key
-    of CAUSES; errors: the largest differences from print, (value, unit).
+    anchor: unique on the page, letters, digits and hyphens; source: its name in a paper, as in "Table 2",
+    else ""; result: the outcome in one short line, "" where the heading of the page states it; cause: key of
+    CAUSES; errors: the largest differences from print, (value, unit).
     """
 
     anchor: str
@@ -134,7 +135,10 @@ class Section:
 
 @dataclass(frozen=True)
 class Chapter:
-    """One paper: short name, title, where it was printed, and its sections."""
+    """One paper or scene: short name, title, where it was printed or what it is, and its sections.
+
+    Without a title the page is about this alone: its sections are listed by name, without results.
+    """
 
     anchor: str
     name: str
@@ -221,7 +225,7 @@ def diagram_figure(name: str, diagram: Diagram, caption: str, alt: str) -> Figur
 
 def command_section(command: str) -> Section:
     """Return the section with the command line that makes the page."""
-    return Section("command", "again", "Command", "plain", "makes this page", (Command(command),))
+    return Section("command", "", "Command", "plain", "makes this page", (Command(command),))
 
 
 def as_sentence(text: str) -> str:
@@ -279,7 +283,7 @@ def read_section(data: Any) -> Section | None:
         section: Section = _adapter("section").validate_python({**data, "blocks": ()})
     except (ValidationError, ValueError, KeyError, TypeError):
         return None
-    return dataclasses.replace(section, blocks=blocks)
+    return replace(section, blocks=blocks)
 
 
 @functools.cache
@@ -310,14 +314,30 @@ def html_template(folder: str, name: str, **filters: Callable[[str], object]) ->
 # A digit and a space that stand before a unit.
 UNIT = re.compile(r"([\d⁰¹²³⁴⁵⁶⁷⁸⁹]) (?=(?:%|N|mm|m|s|kg|deg|µs|ms|Hz|J|MPa)(?:\W|$))")
 
-# A power of ten as in 1e-6 m, which a browser would break at its sign.
-SHORT = re.compile("[\\d.]+e[-+]\\d+(?:\N{NO-BREAK SPACE}\\w+)?")
+# A power of ten as in 1e-6 m, and an option, which a browser would break at their signs.
+SHORT = re.compile("[\\d.]+e[-+]\\d+(?:\N{NO-BREAK SPACE}\\w+)?|--[a-z][a-z-]+")
 
 
 def render_page(page: Page) -> str:
     """Return the page as HTML; all its words are escaped, only SVG pictures are taken as they are."""
-    settings = {"theme": THEME, "hint_widths": HINT_WIDTHS}
-    return html_template("pages", "page.html.j2", rich=_enrich).render(page=page, **settings)
+    opening, rest = lift_figure(page)
+    settings = {"theme": THEME, "hint_widths": HINT_WIDTHS, "opening": opening}
+    return html_template("pages", "page.html.j2", rich=_enrich).render(page=rest, **settings)
+
+
+def lift_figure(page: Page) -> tuple[Figure | None, Page]:
+    """Return the figure beside the heading, the first one of no paper, and the page without it."""
+    parts = [section for chapter in page.chapters for section in chapter.sections if not section.source]
+    found = next((block for part in parts for block in part.blocks if isinstance(block, Figure)), None)
+
+    def leave(sections: tuple[Section, ...]) -> Iterator[Section]:
+        for section in sections:
+            blocks = tuple(block for block in section.blocks if block is not found)
+            if blocks or not section.blocks:
+                yield replace(section, blocks=blocks)
+
+    chapters = tuple(replace(chapter, sections=tuple(leave(chapter.sections))) for chapter in page.chapters)
+    return found, replace(page, chapters=chapters)
 
 
 def write_page(page: Page, path: Path, *, overwrite: bool) -> None:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from tensegrity_codegen.report.number_text import format_number
@@ -103,6 +103,17 @@ class Table:
         for row in self.rows:
             if len(row) != len(self.columns):
                 raise ValueError(f"{self.caption}: a row of {len(row)} cells, {len(self.columns)} columns")
+
+    @property
+    def filled(self) -> "Table":
+        """The table without the columns that are empty in every row."""
+        shown = [
+            k
+            for k in range(len(self.columns))
+            if not self.rows or any(text not in ("", "–") for row in self.rows for _, text in row[k].lines)
+        ]
+        rows = tuple(tuple(row[k] for k in shown) for row in self.rows)
+        return replace(self, columns=tuple(self.columns[k] for k in shown), rows=rows)
 
     @property
     def is_long(self) -> bool:

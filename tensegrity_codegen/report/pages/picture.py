@@ -22,6 +22,7 @@ from tensegrity_codegen.report.pictures.canvas import (
     PAPER,
     PICTURE_DPI,
     SEQUENCE,
+    UNKNOWN,
     new_figure,
 )
 from tensegrity_codegen.report.pictures.drawing import (
@@ -30,8 +31,9 @@ from tensegrity_codegen.report.pictures.drawing import (
     find_tension_limit,
     picture_size,
 )
-from tensegrity_codegen.report.pictures.panel import add_color_bar
-from tensegrity_codegen.report.pictures.view import View, find_box, fit_view
+from tensegrity_codegen.report.pictures.panel import add_color_bar, add_key, set_up
+from tensegrity_codegen.report.pictures.shown import show_structure
+from tensegrity_codegen.report.pictures.view import PictureChoices, View, find_box, fit_view
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.extras import import_extra
@@ -64,6 +66,7 @@ THEME = (
     ThemeColor("grid", GRID, "#38424d"),
     ThemeColor("paper", PAPER, "#14181d"),
     ThemeColor("bar", BAR, "#a9bfd6"),
+    ThemeColor("unknown", UNKNOWN, "#d8c67c"),
     *(
         ThemeColor(f"line-{index}", light, dark)
         for index, (light, dark) in enumerate(zip(SEQUENCE, _SEQUENCE_DARK, strict=True))
@@ -186,39 +189,62 @@ def draw_tensions(
     name: str,
     *,
     among: tuple[FloatArray, FloatArray] | None = None,
+    shadow: FloatArray | None = None,
 ) -> "Figure":
     """Return a picture of the structure at position (n_nodes, 3) [m], coloured by tensions (n_members,).
 
     name: of the tensions, with their unit; among: positions (n, n_nodes, 3) and tensions (n, n_members) that
-    pictures of the same view and colours show.
+    pictures of the same view and colours show; shadow (n_nodes, 3) [m]: drawn dotted.
     """
     positions, tensions = (position, tension) if among is None else among
     limit = find_tension_limit(tensions)
     frame = positions.reshape(-1, *position.shape)[0]
     figure, axes, view = _new_panel(structure, positions, frame, with_bar=limit is not None)
+    if shadow is not None:
+        _add_shadow(axes, view.project(shadow)[0][structure.strands.ends])
     drawing = StructureDrawing(axes, structure, view, tension_limit=limit)
     drawing.show(position, tension)
     if drawing.mappable is not None:
         add_color_bar(figure, axes, drawing.mappable, name=name)
+    _explain(figure, structure, position, tension, drawing)
     return figure
 
 
-def draw_motion(structure: Structure, position: FloatArray, motion: FloatArray) -> "Figure":
-    """Return a picture of the structure moved along displacements (n_nodes, 3), enlarged to be seen."""
-    from matplotlib.collections import LineCollection
+def draw_motion(
+    structure: Structure, position: FloatArray, motion: FloatArray, among: FloatArray | None = None
+) -> "Figure":
+    """Return a picture of the structure moved along displacements (n_nodes, 3), enlarged to be seen.
 
-    largest = float(np.linalg.norm(motion, axis=1).max(initial=0.0))
-    side = float(np.ptp(position, axis=0).max(initial=0.0))
-    moved = position + motion * (SHOWN * side / largest if largest else 0.0)
-    figure, axes, view = _new_panel(structure, np.stack([position, moved]), position, with_bar=False)
-    projected, _ = view.project(position)
-    shadow = LineCollection(
-        list(projected[structure.strands.ends]), colors=MUTED, linewidths=0.7, linestyles="dotted", zorder=2
-    )
-    axes.add_collection(shadow, autolim=False)
+    among (n_nodes, 3, n): displacements that pictures of the same view and scale show.
+    """
+    motions = np.moveaxis(motion[..., None] if among is None else among, -1, 0)
+    moved, *others = (position + _enlarge(shown, position) for shown in (motion, *motions))
+    figure, axes, view = _new_panel(structure, np.stack([position, *others]), position, with_bar=False)
+    _add_shadow(axes, view.project(position)[0][structure.strands.ends])
     drawing = StructureDrawing(axes, structure, view)
     drawing.show(moved, np.ones(structure.n_members))  # no cable is shown as slack
+    _explain(figure, structure, moved, None, drawing)
     return figure
+
+
+def _enlarge(motion: FloatArray, position: FloatArray) -> FloatArray:
+    """Return displacements (n_nodes, 3) [m] whose largest is seen."""
+    largest = float(np.linalg.norm(motion, axis=1).max(initial=0.0))
+    side = float(np.ptp(position, axis=0).max(initial=0.0))
+    return motion * (SHOWN * side / largest if largest else 0.0)
+
+
+def _explain(
+    figure: "Figure",
+    structure: Structure,
+    position: FloatArray,
+    tension: FloatArray | None,
+    drawing: StructureDrawing,
+) -> None:
+    """Add the legend of pictures of `show`, without forces."""
+    shown = show_structure(structure, position, tension, load=np.zeros((structure.n_nodes, 3)))
+    setting = set_up(shown, PictureChoices(forces=False))
+    add_key(figure, setting, slack=bool(drawing.slack.any()))
 
 
 def _new_panel(
@@ -261,7 +287,8 @@ def draw_film(
     figure, axes, view = _new_panel(
         structure, positions, position[0], with_bar=limit is not None, dpi=CSS_DPI
     )
-    shadow, clock = _add_shadow(axes)
+    shadow = _add_shadow(axes, [])
+    clock = axes.text(0.98, 0.98, "", transform=axes.transAxes, ha="right", va="top", fontsize=10, color=INK)
     drawing = StructureDrawing(axes, structure, view, tension_limit=limit)
     if drawing.mappable is not None:
         add_color_bar(figure, axes, drawing.mappable, name="member tension [N]")
@@ -288,11 +315,10 @@ def draw_film(
     return Picture(width, height, png=f"data:image/gif;base64,{data}")
 
 
-def _add_shadow(axes: Any) -> tuple[Any, Any]:
-    """Return the lines of the planned shape, and the text of the time."""
+def _add_shadow(axes: Any, segments: Any) -> Any:
+    """Add dotted lines."""
     from matplotlib.collections import LineCollection
 
-    shadow = LineCollection([], colors=MUTED, linewidths=0.9, linestyles="dotted", zorder=2)
+    shadow = LineCollection(list(segments), colors=MUTED, linewidths=0.9, linestyles="dotted", zorder=2)
     axes.add_collection(shadow, autolim=False)
-    clock = axes.text(0.02, 0.98, "", transform=axes.transAxes, va="top", fontsize=10, color=INK)
-    return shadow, clock
+    return shadow

@@ -263,9 +263,7 @@ def _wrong(own_rows: Sequence[Outcome], anchor: str) -> Iterator[Section]:
     if wrong:
         remark = Remark("wrong", "These results have status ok, and must not be used.")
         table = build_messages(wrong, "Wrong results of our methods")
-        yield Section(
-            anchor, "ours", "Wrong results", "wrong", describe_finding({"": own_rows}), (remark, table)
-        )
+        yield Section(anchor, "", "Wrong results", "wrong", describe_finding({"": own_rows}), (remark, table))
 
 
 def _list_not_run(rows: Sequence[Outcome], anchor: str) -> Iterator[Section]:
@@ -274,14 +272,14 @@ def _list_not_run(rows: Sequence[Outcome], anchor: str) -> Iterator[Section]:
     if cases:
         table = make_table("Cases without a result", {"case": "", "value": "", "reason": ""}, cases)
         result = f"{len(cases)} cases; the same command runs them, if it may replace this page"
-        yield Section(anchor, "all", "Not run", "plain", result, (table,))
+        yield Section(anchor, "", "Not run", "plain", result, (table,))
 
 
 def _verdicts(rows: Sequence[Outcome], anchor: str) -> Section:
     methods = len({row.contender for row in rows if row.is_own})
     peers = len({row.contender for row in rows if not row.is_own})
     result = f"{methods} methods of ours" + (f", {peers} of other programs" if peers else "")
-    return Section(anchor, "all", "Verdicts by method", "plain", result, (build_verdicts(rows),))
+    return Section(anchor, "", "Verdicts by method", "plain", result, (build_verdicts(rows),))
 
 
 def _errors(own_rows: Sequence[Outcome], name: str, anchor: str) -> Iterator[Section]:
@@ -293,7 +291,7 @@ def _errors(own_rows: Sequence[Outcome], name: str, anchor: str) -> Iterator[Sec
             f"largest: {worst.error:.3g} times the tolerance, {worst.contender}, {worst.group}: {worst.case}"
         )
         blocks: tuple[Block, ...] = (*draw_errors(measured, name, f"{anchor}-figure"), build_worst(own_rows))
-        yield Section(anchor, "ours", "Errors over tolerance", "plain", result, blocks)
+        yield Section(anchor, "", "Errors over tolerance", "plain", result, blocks)
 
 
 def _grid(rows: Sequence[Outcome], anchor: str, title: str, grid_title: str) -> Section:
@@ -301,9 +299,7 @@ def _grid(rows: Sequence[Outcome], anchor: str, title: str, grid_title: str) -> 
     result = ", ".join(f"{count} {WORDS[verdict]}" for verdict, count in counts.items() if count)
     is_own = all(row.is_own for row in rows)
     verdict: Verdict = "wrong" if is_own and counts["wrong"] else "plain"
-    return Section(
-        anchor, "ours" if is_own else "others", title, verdict, result, (build_grid(rows, grid_title),)
-    )
+    return Section(anchor, "", title, verdict, result, (build_grid(rows, grid_title),))
 
 
 def _messages(own_rows: Sequence[Outcome], anchor: str) -> Section:
@@ -311,5 +307,5 @@ def _messages(own_rows: Sequence[Outcome], anchor: str) -> Section:
     table = build_messages(stopped, "Runs of our methods without a checked result")
     blocks: tuple[Block, ...] = (table,) if stopped else ()
     return Section(
-        anchor, "ours", "Messages of runs without a checked result", "plain", f"{len(stopped)} runs", blocks
+        anchor, "", "Messages of runs without a checked result", "plain", f"{len(stopped)} runs", blocks
     )

@@ -15,6 +15,7 @@ from tensegrity_codegen.report.pages.diagram import Diagram, choose_styles, meth
 from tensegrity_codegen.report.pages.page import (
     Block,
     Chapter,
+    Command,
     Figure,
     Page,
     Paragraph,
@@ -127,9 +128,11 @@ def _advice(report: SceneReport, anchor: str) -> Section:
         "place, which some formulations correct by their stretch to first order.",
     )
     result = best if chosen else "no method reaches any of these errors"
-    runs = dict.fromkeys(report.describe_simulation(row) for row in chosen)
-    same = [Paragraph(f"The verb simulate repeats these runs: {'; '.join(runs)}.")] if chosen else []
-    return Section(f"{anchor}-advice", "advice", "What to use", "plain", result, (table, *same))
+    runs = [run.partition(", with ") for run in dict.fromkeys(map(report.describe_simulation, chosen)) if run]
+    verb = f"tensegrity-codegen simulate {report.problem.structure.name}.toml "
+    commands = "\n".join(f"# {keys}\n{verb}{run.removeprefix('simulate ')}" for run, _, keys in runs)
+    same: list[Block] = [Paragraph("These commands repeat the runs:"), Command(commands)] if runs else []
+    return Section(f"{anchor}-advice", "", "What to use", "plain", result, (table, *same))
 
 
 def _advice_row(max_error: float, row: Row | None, report: SceneReport) -> tuple[float | str | None, ...]:
@@ -160,7 +163,7 @@ def _pictures(report: SceneReport, anchor: str) -> Section:
         rows = _by([row for row in own_rows if row.formulation == name], "method")
         figures.append(_figure(rows, report, f"{anchor}-methods{number}", f"{name} by every method"))
     return Section(
-        f"{anchor}-pictures", "pictures", "Error against CPU time", "plain",
+        f"{anchor}-pictures", "", "Error against CPU time", "plain",
         f"{len(report.front)} of {len(report.rows)} runs are beaten by no other in both error and time",
         tuple(figures),
     )  # fmt: skip
@@ -183,13 +186,13 @@ def _figure(groups: Mapping[str, Sequence[Row]], report: SceneReport, name: str,
     styles = choose_styles(shown)
     series = [
         method_series(
-            title, [row.seconds for row in rows], [max(row.error, floor) for row in rows], styles[title]
+            title, [1e3 * row.seconds for row in rows], [max(row.error, floor) for row in rows], styles[title]
         )
         for title, rows in shown.items()
         if rows
     ]
     diagram = Diagram(
-        "CPU time [s]", "largest error of a coordinate [m]", series, log_x=True, log_y=True,
+        "CPU time [ms]", "largest error of a coordinate [m]", series, log_x=True, log_y=True,
         horizontal=((floor, ""),), legend_columns=2,
     )  # fmt: skip
     caption = f"{report.problem.structure.name}: {what}; down and left is better"
@@ -219,7 +222,7 @@ def _all_rows(report: SceneReport, anchor: str) -> Section:
     )  # fmt: skip
     bad = sum(not row.is_good for row in report.rows)
     return Section(
-        f"{anchor}-rows", "rows", "Everything measured", "plain",
+        f"{anchor}-rows", "", "Everything measured", "plain",
         f"{len(rows)} runs, {bad} of which did not reach the end", (table,),
     )  # fmt: skip
 
@@ -236,7 +239,7 @@ def _who(report: SceneReport, anchor: str) -> Section:
         caption = "Methods and programs without runs"
         blocks.append(make_table(caption, columns, report.absent.items(), folded="Not measured"))
     return Section(
-        f"{anchor}-who", "reference", "The reference, and what is not measured", "plain",
+        f"{anchor}-who", "", "The reference, and what is not measured", "plain",
         f"certified to {format_number(reference.uncertainty, '.1e')} m", tuple(blocks),
     )  # fmt: skip
 

@@ -25,7 +25,7 @@ from tensegrity_codegen.sweeps.summary.figures import (
     draw_indices,
     draw_scatter,
 )
-from tensegrity_codegen.sweeps.summary.finding import describe_finding, describe_lead, describe_range
+from tensegrity_codegen.sweeps.summary.finding import describe_finding, describe_lead
 from tensegrity_codegen.sweeps.summary.statistics import Indices, describe_distribution, is_difference_clear
 from tensegrity_codegen.sweeps.summary.summary import ResultSummary, SweepSummary
 from tensegrity_codegen.system.summaries import describe_count
@@ -48,9 +48,9 @@ def build_summary_page(summary: SweepSummary, command: str) -> Page:
     sections = (
         _outcome(summary),
         *_failures(summary),
-        _varied(summary),
-        *_distributions(summary),
         *_over_keys(summary),
+        *_distributions(summary),
+        _varied(summary),
         *build_causes(summary),
         *_worst(summary),
         command_section(command),
@@ -61,9 +61,8 @@ def build_summary_page(summary: SweepSummary, command: str) -> Page:
         subject=f"Sweep of {results.scene}",
         title=describe_finding(summary),
         lead=describe_lead(summary),
-        chapters=(Chapter("sweep", results.scene, results.operation, count, sections),),
+        chapters=(Chapter("sweep", results.scene, "", count, sections),),
         facts=(f"tensegrity_codegen {VERSION}.", "Words and equations: docs/sweep.md."),
-        summary_heads=("part", "what", "result"),
     )
 
 
@@ -91,7 +90,7 @@ def _outcome(summary: SweepSummary) -> Section:
                 f"{n_pending:,} cases are not computed yet: the same command of sweep goes on with them.",
             )
         )
-    return Section("outcome", "all", "Outcome", "plain", summary.headline, tuple(blocks))
+    return Section("outcome", "", "Outcome", "plain", "", tuple(blocks))
 
 
 def _failures(summary: SweepSummary) -> Iterator[Section]:
@@ -121,7 +120,7 @@ def _failures(summary: SweepSummary) -> Iterator[Section]:
         key_indices = [keys.index(row.key) for row in clear[:2]]
         blocks.insert(0, draw_failures(summary.results, key_indices, "failures"))
         finding = f"failed and good cases differ most in {clear[0].key}"
-    yield Section("failures", "failed cases", "Where cases fail", "plain", finding, tuple(blocks))
+    yield Section("failures", "", "Where cases fail", "plain", finding, tuple(blocks))
 
 
 def _varied(summary: SweepSummary) -> Section:
@@ -152,7 +151,7 @@ def _varied(summary: SweepSummary) -> Section:
     )
     if options:
         blocks.append(Paragraph(f"Options of {results.operation}: {options}."))
-    return Section("varied", "cases", "What varied", "plain", finding, tuple(blocks))
+    return Section("varied", "", "What varied", "plain", finding, tuple(blocks))
 
 
 def _distributions(summary: SweepSummary) -> Iterator[Section]:
@@ -178,8 +177,7 @@ def _distributions(summary: SweepSummary) -> Iterator[Section]:
             figures.append(draw_histogram(entry.result, f"histogram{number}"))
         sentences.append(f"{entry.result.name}: {entry.result.sentence.rstrip('.')}.")
     table = Table("Results", columns, tuple(rows), "Over cases that have the result. " + " ".join(sentences))
-    finding = "; ".join(describe_range(entry.result, entry.distribution) for entry in summary.chosen[:2])
-    yield Section("results", "results", "Distributions", "plain", finding, (*figures, table))
+    yield Section("results", "", "Distributions", "plain", "", (*figures, table))
 
 
 def _over_keys(summary: SweepSummary) -> Iterator[Section]:
@@ -192,7 +190,7 @@ def _over_keys(summary: SweepSummary) -> Iterator[Section]:
     ]
     if figures:
         finding = "over the chosen keys" if summary.over else "over the keys that matter most"
-        yield Section("keys", "results", "Results over keys", "plain", finding, tuple(figures))
+        yield Section("keys", "", "Results over keys", "plain", finding, tuple(figures))
 
 
 def _draw_over(summary: SweepSummary, item: ResultSummary, number: int) -> Iterator[Figure]:
@@ -245,7 +243,7 @@ def _worst(summary: SweepSummary) -> Iterator[Section]:
         *(Command("\n".join(case.commands)) for case in summary.worst),
     ]
     finding = f"{describe_count(len(rows), 'case')}, each with the commands that run it alone"
-    yield Section("worst", "cases", "Worst cases", "plain", finding, tuple(blocks))
+    yield Section("worst", "", "Worst cases", "plain", finding, tuple(blocks))
 
 
 def build_causes(summary: SweepSummary) -> Iterator[Section]:
@@ -264,7 +262,7 @@ def build_causes(summary: SweepSummary) -> Iterator[Section]:
     count = len(figures)
     finding = f"Sobol' indices of {count} result{'s' * (count > 1)}" if count else "rank correlations"
     blocks: list[Block] = [*figures, *missing, _strength_table(summary, shown, with_indices=bool(count))]
-    yield Section("causes", "results", "What results depend on", "plain", finding, tuple(blocks))
+    yield Section("causes", "", "What results depend on", "plain", finding, tuple(blocks))
 
 
 def _strength_table(summary: SweepSummary, shown: Sequence[ResultSummary], *, with_indices: bool) -> Table:

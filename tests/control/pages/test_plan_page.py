@@ -51,7 +51,7 @@ def sections(page: Page) -> dict[str, tuple]:
     return {section.anchor: section.blocks for section in page.chapters[0].sections}
 
 
-PATH = ["shapes", "targets", "rest-lengths", "tensions", "clearance", "stiffness", "binding"]
+PATH = ["rest-lengths", "tensions", "clearance", "stiffness", "binding"]
 
 
 @pytest.mark.parametrize("status", TITLES)
@@ -67,8 +67,9 @@ def test_the_finding_is_the_title(status: str) -> None:
 
 def test_a_plan_that_is_found_shows_its_path_with_limits() -> None:
     found = sections(page_of("found"))
-    assert list(found) == ["outcome", *PATH, "command"]
+    assert list(found) == ["shapes", "targets", *PATH, "command"]
     assert [type(block) for block in found["shapes"]] == [Figure] * 4
+    assert found["shapes"][0].caption == "Progress 100 %: twist 165 deg; dotted: the start."
     (tension,) = found["tensions"]
     assert tension.data["horizontal"] == [[1.0, "limit: least tension 1 N"]]
     (clearance,) = found["clearance"]
@@ -76,6 +77,12 @@ def test_a_plan_that_is_found_shows_its_path_with_limits() -> None:
     assert clearance.data["series"][0]["y"][-1] > 19.0
     table = next(block for block in found["rest-lengths"] if isinstance(block, Table))
     assert len(table.rows) == 12
+
+
+def test_the_finding_is_said_once() -> None:
+    page = page_of("found")
+    assert page.lead.startswith("A path of 5 steps reaches the target")
+    assert render_page(page).count("reaches the target") == 1
 
 
 def test_a_blocked_plan_shows_what_binds() -> None:
@@ -87,7 +94,7 @@ def test_a_blocked_plan_shows_what_binds() -> None:
 
 def test_an_infeasible_plan_shows_the_proof() -> None:
     found = sections(page_of("infeasible"))
-    assert list(found) == ["outcome", "proof", "command"]
+    assert list(found) == ["targets", "proof", "command"]
     _, figure, table = found["proof"]
     assert len(figure.data["displacement"]) == 6
     assert sorted(row[1].value for row in table.rows)[:9] == pytest.approx([-1.0] * 9)

@@ -9,7 +9,16 @@ import pytest
 
 from tensegrity_codegen.report.number_text import format_number, lower_indices, raise_digits
 from tensegrity_codegen.report.pages.diagram import Diagram, Series, draw_diagram
-from tensegrity_codegen.report.pages.page import VERDICTS, Page, render_page
+from tensegrity_codegen.report.pages.page import (
+    VERDICTS,
+    Chapter,
+    Command,
+    Page,
+    Section,
+    diagram_figure,
+    lift_figure,
+    render_page,
+)
 from tensegrity_codegen.report.pages.page_table import Column, Table, compare_cell, number_cell, text_cell
 from tensegrity_codegen.report.pages.picture import THEME, draw_picture
 from tensegrity_codegen.report.result_tables import outcome_table
@@ -63,6 +72,38 @@ def test_a_cell_compares_with_the_digits_it_shows() -> None:
     assert cell.lines == (("paper", "31.32"), ("ours", "32.04"), ("difference", "+0.72"))
     assert cell.value["difference"] == 32.04 - 31.32
     assert compare_cell(None, 1.0, ".1f").value == {"paper": None, "ours": 1.0, "difference": None}
+
+
+def test_columns_that_are_empty_in_every_row_are_not_shown() -> None:
+    columns = (Column("a"), Column("b"), Column("c", numeric=False))
+    row = (number_cell(1.0, ".0f"), number_cell(None, ".0f"), text_cell(""))
+    table = Table("caption", columns, (row, row))
+    assert [column.name for column in table.filled.columns] == ["a"]
+    assert len(table.as_dict()["rows"][0]) == 3
+    other = (*row[:2], text_cell("x"))
+    assert [column.name for column in Table("caption", columns, (row, other)).filled.columns] == ["a", "c"]
+
+
+def test_the_first_figure_stands_beside_the_heading() -> None:
+    figure = diagram_figure("one", DIAGRAM, "The finding.", "Lines.")
+    sections = (
+        Section("first", "", "First", "plain", "", (figure,)),
+        Section("second", "", "Second", "plain", "", (Command("make --it"),)),
+    )
+    page = Page(
+        "10 N", "Lead.", (Chapter("all", "prism", "", "6 nodes.", sections),), subject="Plan of prism"
+    )
+    text = render_page(page)
+    header, _, body = text.partition("<main>")
+    assert "The finding." in header
+    assert "Plan of prism: 6 nodes." in header
+    assert "The finding." not in body
+    assert body.count("<h2") == body.count('id="first"') == body.count("summary") == 0
+    assert '<a href="#second">' in body
+    assert '<span class="whole">--it</span>' not in body  # a command is copied as it is
+    assert "user-select: all" in text
+    printed = make_page()  # figures of a paper stay where they are
+    assert lift_figure(printed) == (None, printed)
 
 
 def test_a_row_needs_a_cell_for_every_column() -> None:

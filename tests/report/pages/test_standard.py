@@ -76,6 +76,8 @@ def test_colours_are_seen_on_the_page(scheme: str) -> None:
             assert contrast(colors[name], colors[below]) >= 4.5, (name, below)
     lines = [value for name, value in colors.items() if name.startswith("line-")]
     assert min(contrast(line, colors["paper"]) for line in lines) >= 3.0
+    for graphic in ("bar", "unknown") if scheme == "dark" else ("bar",):  # light: unknown has an outline
+        assert contrast(colors[graphic], colors["paper"]) >= 3.0, graphic
     for matrix in VISION.values():
         seen = [lab(matrix @ linear(line)) for line in lines]
         assert min(np.linalg.norm(a - b) for a, b in itertools.combinations(seen, 2)) > 20.0

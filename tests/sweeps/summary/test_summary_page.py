@@ -46,7 +46,7 @@ def test_the_finding_is_the_title_and_every_part_is_there() -> None:
     )
     assert page.subject == "Sweep of prism"
     names = [section.anchor for section in page.chapters[0].sections]
-    assert names == ["outcome", "failures", "varied", "results", "keys", "causes", "worst", "command"]
+    assert names == ["outcome", "failures", "keys", "results", "varied", "causes", "worst", "command"]
     outcome = next(block for block in page.chapters[0].sections[0].blocks if isinstance(block, Table))
     assert [[cell.value for cell in row] for row in outcome.rows] == [
         ["converged", 103, pytest.approx(100 * 103 / 108), 0, ""],
