@@ -137,6 +137,7 @@ class FollowLoadPath(SceneAnalysis):
     takes: ClassVar[tuple[str, ...]] = ("load", "input")
     files: ClassVar[tuple[ResultFile, ...]] = (
         ResultFile("out", (".csv", ".json"), "Write the path as a table (.csv or .json)."),
+        ResultFile("page", (".html",), "Write a page with the curve, events and shapes (.html).", draws=True),
     )
 
     most: Annotated[float, Option("load factor to reach.")] = 1.0
@@ -151,7 +152,9 @@ class FollowLoadPath(SceneAnalysis):
         float | None,
         Option("load factor at which a path that turned back ends; 0: at its start; default -10 x --most."),
     ] = None
-    events: Annotated[str, Option(f"what to report, separated by commas: {', '.join(EVENTS)}.")] = ALL_EVENTS
+    events: Annotated[
+        str, Option(f"what to report, separated by commas; default all: {', '.join(EVENTS)}.")
+    ] = ALL_EVENTS
     past_contact: Annotated[bool, Option("continue after contact; bars then pass through each other.")] = (
         False
     )
@@ -181,12 +184,16 @@ class FollowLoadPath(SceneAnalysis):
         from tensegrity_codegen.runtime.model.arguments import merge_inputs
         from tensegrity_codegen.runtime.paths.model_path import build_path
         from tensegrity_codegen.runtime.paths.watches import MEMBER_WATCH_QUANTITIES
+        from tensegrity_codegen.structure.bodies import BodySystem
 
         subject, texts = case.subject, case.load_texts
         ramp = build_ramp(subject, self.ramp, case.added_load, texts)
         statics = with_statics(subject, case.request)
         needs = find_needs("load_path", subject, statics).alone(statics)
-        needs = needs.wanting(*needs.quantities, *MEMBER_WATCH_QUANTITIES, parameters=ramp.parameters)
+        quantities = (*needs.quantities, *MEMBER_WATCH_QUANTITIES)
+        if "page" in case.files and isinstance(subject, BodySystem):
+            quantities += ("node_position",)
+        needs = needs.wanting(*quantities, parameters=ramp.parameters)
         model = case.build(subject, needs)
         path = build_path(model, ramp.pattern, {**ramp.base, **merge_inputs(model.manifest, case.inputs)})
         ramp.check_moves(path, texts)
@@ -220,12 +227,32 @@ class LoadPathResult(Result):
         return tuple(event for event in self.path.events if event.kind in self.kinds)
 
     def write(self, name: str, path: "Path", *, overwrite: bool) -> bool:
-        """Write the table if the path has points."""
+        """Write the table or the page if the path has points."""
         from tensegrity_codegen.report.result_tables import write_path
 
         if len(self.path.load_factor):
-            write_path(self.columns, self.path, path, overwrite=overwrite)
+            if name == "page":
+                self._write_page(path, overwrite)
+            else:
+                write_path(self.columns, self.path, path, overwrite=overwrite)
         return bool(len(self.path.load_factor))
+
+    def _write_page(self, path: "Path", overwrite: bool) -> None:
+        import numpy as np
+
+        from tensegrity_codegen.report.pages.page import write_page
+        from tensegrity_codegen.report.path_page import build_path_page
+        from tensegrity_codegen.runtime.model.placement import place_nodes
+        from tensegrity_codegen.structure.outline import outline_bodies
+        from tensegrity_codegen.system.progress import work_pass
+
+        subject, model, columns = self.case.subject, self.model, self.columns
+        flaws, drawn = _find_flaws(subject, columns).describe(), outline_bodies(subject)
+        with work_pass("drawing"):
+            rows = [place_nodes(model.model, q, arguments=model.arguments) for q in self.path.coordinate]
+            places, command = np.array(rows), self.case.command
+            page = build_path_page(self.path, self.events, drawn, places, columns, flaws, command)
+            write_page(page, path, overwrite=overwrite)
 
     def as_dict(self) -> dict[str, Any]:
         """Return load factors, stability, events and members against their limits."""

@@ -9,6 +9,7 @@ import pytest
 
 from tests.cli.conftest import Run, write_example
 from tests.cli.scenes import FRAME, GOOD, TRUSS_REST, write, write_truss
+from tests.report.page_html import check_static
 
 DOWN = ("--load", "t1=0,0,-1")
 
@@ -114,6 +115,21 @@ def test_a_load_beyond_the_limit_point_ends_with_evidence(run: Run, folder: Path
     limit = [event for event in ended.data["events"] if event["kind"] == "limit"]
     assert limit[0]["load_factor"] == pytest.approx(ended.data["load_factor_most"])
     assert "turned back at load factor 35.09" in ended.data["message"]
+
+
+def test_a_page_has_the_curve_events_and_shapes(run: Run, folder: Path) -> None:
+    pytest.importorskip("matplotlib")
+    for scene, words in (
+        (write_truss(folder, -10), ()),
+        (write_example(folder, "lin_prism"), ("--load", "bar3_B=0,0,-1", "--past-contact", "--most", 2)),
+    ):
+        ended = run.good("load-path", scene, *words, "--page", "path.html", "--overwrite", "--json")
+        assert ended.data["page"] == "path.html"
+        text = (folder / "path.html").read_text(encoding="utf-8")
+        check_static(text, [])
+        assert "displacement of" in text
+        assert "Load factor 0: start." in text
+        assert all(f"{event['kind']}</text>" in text for event in ended.data["events"])
 
 
 LIMIT = 2000 * math.sqrt(TRUSS_REST ** (2 / 3) - 1) * (TRUSS_REST ** (2 / 3) - 1)
