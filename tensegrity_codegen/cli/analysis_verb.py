@@ -72,11 +72,11 @@ def _list_parameters(record: type[SceneAnalysis]) -> Mapping[str, tuple[Any, Any
     flags = [option for option in options if option.flag]
     for option in flags:
         parameters[option.parameter] = _declare(option)
+    for option in options:
+        parameters[option.parameter] = _declare(option)
     for name, annotation in shared.items():
         if name in record.takes:
             parameters[name] = (annotation, None)
-    for option in options:
-        parameters[option.parameter] = _declare(option)
     for file in record.files:
         names = [f"--{file.name.replace('_', '-')}", *(["-o"] if file.name == "out" else [])]
         kind: Any = list[Path] if file.is_list else Path
@@ -95,10 +95,12 @@ def _list_parameters(record: type[SceneAnalysis]) -> Mapping[str, tuple[Any, Any
 def _declare(item: Option) -> tuple[Any, Any]:
     """Return annotation and default of an option; a flag stands for one value of its field."""
     help = item.help[0].upper() + item.help[1:]
-    option = typer.Option(f"--{item.argument.replace('_', '-')}", help=help, min=item.minimum)
+    default = item.default if item.verb_default is SAME else item.verb_default
+    short = len(str(default)) < 40  # a longer one would be broken in its words
+    name = f"--{item.argument.replace('_', '-')}"
+    option = typer.Option(name, help=help, min=item.minimum, show_default=short)
     if item.flag:
         return Annotated[bool, option], False
-    default = item.default if item.verb_default is SAME else item.verb_default
     kind: Any = item.type
     if get_origin(item.type) is tuple:
         kind, default = (list[str], ...) if default is ... else (list[str] | None, None)

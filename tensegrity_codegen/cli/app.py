@@ -10,7 +10,7 @@ from pkgutil import iter_modules
 from typing import Any, NoReturn
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperGroup
 
 from tensegrity_codegen.cli import analysis_verb
 from tensegrity_codegen.cli.output import Output, explain_system_error
@@ -83,17 +83,14 @@ class VerbGroup(TyperGroup):
         """List the verbs with the first sentence of their help; options would take most of the time."""
         verbs = find_verbs()
         widest = max(len(verb.word) for verb in verbs)
-        limit = formatter.width - 6 - widest
         for group, members in itertools.groupby(verbs, key=lambda verb: verb.group):
             with formatter.section(group):
-                formatter.write_dl(
-                    [(verb.word.ljust(widest), _first_sentence(verb, limit)) for verb in members]
-                )
+                formatter.write_dl([(verb.word.ljust(widest), _first_sentence(verb)) for verb in members])
 
 
-def _first_sentence(verb: Verb, limit: int) -> str:
-    help_text = inspect.getdoc(verb.run)
-    return TyperCommand(verb.word, help=help_text, rich_markup_mode=None).get_short_help_str(limit)
+def _first_sentence(verb: Verb) -> str:
+    """Return the first sentence of a verb's help without its full stop, whatever its length."""
+    return " ".join((inspect.getdoc(verb.run) or "").split()).partition(". ")[0].removesuffix(".")
 
 
 INTERRUPTED = 130

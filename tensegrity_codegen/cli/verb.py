@@ -76,10 +76,39 @@ def _find_default(item: "Field[Any]") -> Any:
 _ARGUMENT = re.compile(r"`([a-z_]+)(?:=([^`]*))?`")
 _options: dict[str, str] = {}  # of the running verb: argument -> option
 _words: list[str] = []  # of the running verb: the whole command
+# Options that many verbs share: `--help` lists them after those of the verb itself.
+COMMON = {
+    *(
+        "--input",
+        "--compiler",
+        "--flags",
+        "--precision",
+        "--batch-width",
+        "--overwrite",
+        "--fresh",
+        "--peers",
+    ),
+    *("--all", "--strict", "--json", "--help"),
+}
 
 
 class VerbCommand(TyperCommand):
     """A command that makes its options and its own words known while it runs."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """List arguments, the options of the verb itself, and the common ones."""
+        parts: dict[str, list[Any]] = {"Arguments": [], "Options": [], "Common options": []}
+        for parameter in self.get_params(ctx):
+            is_common = not COMMON.isdisjoint(parameter.opts)
+            kind = "Common options" if is_common else "Options"
+            kind = "Arguments" if parameter.param_type_name == "argument" else kind
+            record = parameter.get_help_record(ctx)
+            parts[kind] += [] if record is None else [record]
+        width = max((len(row[0]) for row in parts["Options"] + parts["Common options"]), default=0)
+        for title, rows in parts.items():
+            if rows:
+                with formatter.section(title):
+                    formatter.write_dl([(row[0].ljust(min(width, 28)), row[1]) for row in rows])
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the words after the verb."""
@@ -194,6 +223,9 @@ class VerbWithSubCommands(VerbCommand):
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
         """List the sub-commands."""
-        rows = [(name, (run.__doc__ or "").partition("\n")[0]) for name, run in self.sub_commands.items()]
+        rows = [
+            (name, " ".join((run.__doc__ or "").partition("\n\n")[0].split()))
+            for name, run in self.sub_commands.items()
+        ]
         with formatter.section("Sub-commands"):
             formatter.write_dl([(f"{ctx.command_path} {name}", summary) for name, summary in rows])

@@ -154,8 +154,10 @@ def test_help_has_an_example_that_calls_the_verb(verb: str, run: Run) -> None:
 @pytest.mark.parametrize("verb", VERBS)
 def test_the_example_of_the_help_is_a_valid_command_line(verb: str, run: Run) -> None:
     text = " ".join(run(verb, "--help").out.split())
-    example = text.partition("Example: tensegrity-codegen ")[2].partition(" Arguments:")[0]
-    words = shlex.split(example.partition(" Options:")[0])  # quotes as in a shell
+    example = text.partition("Example: tensegrity-codegen ")[2]
+    for heading in (" Arguments:", " Options:", " Common options:"):
+        example = example.partition(heading)[0]
+    words = shlex.split(example)  # quotes as in a shell
     commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
     assert words[0] == verb
     context = commands[verb].make_context(verb, words[1:])  # parses, does not run

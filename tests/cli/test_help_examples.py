@@ -47,6 +47,22 @@ LONG = (
 )
 
 
+@pytest.mark.parametrize("words", [(), ("load-path",), ("simulate",), ("sweep",), ("check",)])
+def test_help_cuts_no_sentence_and_lists_common_options_last(
+    words: tuple[str, ...], run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    text = run.good(*words, "--help").out
+    assert max(map(len, text.splitlines())) <= 80
+    assert [line for line in text.splitlines()[1:] if line.endswith("...")] == []
+    if words:
+        own, _, common = text.partition("Common options:")
+        assert "--json" in common
+        assert not {"--json", "--compiler", "--overwrite", "--all"} & set(
+            own.partition("Options:")[2].split()
+        )
+
+
 def list_of_help() -> dict[str, str]:
     """Return the examples by verb and sub-command."""
     found = {}
