@@ -232,7 +232,7 @@ def describe_finding(rows: Sequence[Sequence[str]]) -> str:
     """Return the least ratio of the others."""
     others = {row[0]: float(row[5]) for row in rows if row[5] and not row[0].startswith("ours")}
     fastest = min(others, key=lambda name: others[name], default="none")
-    return f"{others.get(fastest, np.nan):.3g} times as fast as the fastest other way at this error: {fastest}"
+    return f"{others.get(fastest, np.nan):.3g} times as fast as the fastest other way: {fastest}"
 
 
 def _silence_mujoco() -> None:
