@@ -125,7 +125,7 @@ def test_what_does_not_know_bodies_is_refused_by_name(
     with pytest.raises(FormulationError, match="an estimator in C"):
         build_controller(robot, stands, estimator=estimator, out=tmp_path / "c")
     with pytest.raises(FormulationError, match="a distribution of tensions"):
-        design_distribution(robot, build_rest(robot, stands))
+        design_distribution(robot, stands)
 
 
 def test_estimates_keep_the_shapes_of_bodies(robot: CompiledModel, stands: Equilibrium) -> None:

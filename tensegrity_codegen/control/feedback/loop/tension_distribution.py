@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.control.feedback.design.linear_samples import (
+    build_rest,
     check_motion,
     require_no_rigid_bars,
     to_dense,
@@ -19,6 +20,7 @@ from tensegrity_codegen.runtime.model.arrays import to_each
 from tensegrity_codegen.runtime.model.interface import require_model, require_quantities
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.structure.bodies import BodyInput
 from tensegrity_codegen.structure.structure import ActuatedInput
 from tensegrity_codegen.system.arrays import FloatArray
@@ -384,7 +386,7 @@ class TensionDistribution(Summarised):
 
 def design_distribution(
     model: CompiledModel,
-    motion: Motion,
+    motion: Motion | Equilibrium,
     *,
     least_tension: ArrayLike | None = None,
     preferred: ArrayLike | None = None,
@@ -397,8 +399,8 @@ def design_distribution(
     ----------
     model : CompiledModel
         Compiled for ``"control"``, see compile_scene.
-    motion : Motion
-        The motion; its tensions are the preferred ones by default.
+    motion : Motion or Equilibrium
+        The motion, or the equilibrium to hold; its tensions are the preferred ones by default.
     least_tension : float or array_like, shape (n_members,), optional [N]
         Least tensions of the members that actuators pull; by default those of the scene's ``[limits]``.
     preferred : float or array_like, shape (n_members,), optional [N]
@@ -440,6 +442,8 @@ def design_distribution(
     """
     require_model(model)
     require_solver()
+    if not isinstance(motion, Motion):
+        motion = build_rest(model, motion, arguments=arguments)
     check_motion(model, motion)
     require_quantities(model, QUANTITIES, "a distribution of tensions needs")
     require_no_rigid_bars(model, "a distribution of tensions", "keep least tensions by design_mpc")
