@@ -28,9 +28,12 @@ RUN = [page for page, blocks in BLOCKS.items() if any(classify(block) == "run" f
 LANGUAGES = {"sh", "python", "py", "c", "toml", "json", "text"}
 NEEDS = {
     "docs/sweep.md": ("zarr", "xarray", "SALib", "distributed"),
-    "docs/guides/plan.md": ("daqp",),
     "docs/planning.md": ("daqp",),
     "docs/control.md": ("daqp",),
+    "docs/timing.md": ("daqp",),
+    "docs/gains.md": ("daqp",),
+    "docs/mpc.md": ("daqp",),
+    "docs/controllers_in_c.md": ("daqp",),
     "docs/export.md": ("ezdxf",),
     "docs/import.md": ("ezdxf",),
     "docs/learning.md": ("gymnasium",),
@@ -108,7 +111,9 @@ def check_results(page: str, names: dict[str, object], folder: Path) -> None:
         assert names["rest"].status == "converged"  # type: ignore[attr-defined]
         assert names["motion"].status == "ok"  # type: ignore[attr-defined]
         assert "<canvas" in (folder / "mast.html").read_text(encoding="utf-8")
-    if page == "docs/motions.md":
+    if page == "docs/controllers_in_c.md":
+        assert (folder / "ctl_tensions" / "pinned_prism_control_daqp.h").exists()
+    if page == "docs/guides/stiff_bars.md":
         runs = names["runs"]
         assert [run.status for run in runs.values()] == ["ok", "ok"]  # type: ignore[attr-defined]
         assert "radau" in runs[1e7].method  # type: ignore[index]

@@ -97,7 +97,7 @@ def time_motion(
 
     Notes
     -----
-    docs/control.md has the equations.
+    docs/timing.md has the equations.
 
     Examples
     --------

@@ -2,7 +2,6 @@
 
 import json
 
-from tests.control.feedback.standing_prism import SCENE as STANDING
 from tests.scene.formats.test_import_ansys import TEXT as ANSYS
 from tests.scene.formats.test_import_compas import EDGES, NODES
 from tests.scene.formats.test_import_gltf import LINES
@@ -16,7 +15,7 @@ DRAWING = "0 SECTION 2 ENTITIES 0 LINE 8 net 10 0.0 20 0.0 30 0.0 11 1.0 21 0.0 
 # Pages whose blocks another test runs, and that test.
 ELSEWHERE = {
     "docs/languages/": "tests/examples",
-    "docs/control_tutorial.md": "tests/cli/test_control_tutorial.py",
+    "docs/scene.md": "tests/test_house.py",
 }
 
 SCENE_JSON = json.dumps(
@@ -40,7 +39,7 @@ EXCLUDED = (
     ("docs/sweep.md", "dask scheduler", "needs several machines; tests/sweeps runs a cluster of processes"),
     ("docs/sweep.md", "from dask_jobqueue", "needs a cluster with SLURM"),
     (
-        "docs/control.md",
+        "docs/gains.md",
         "from tensegrity_codegen import read_profile",
         "takes minutes; tests/control/feedback/test_time_motion.py runs a part of it",
     ),
@@ -84,10 +83,7 @@ EXITS = {
 # Example scenes that a page presupposes in the folder; pages of the gallery presuppose their own.
 SCENES = {
     "README.md": ("prism",),
-    "docs/control.md": ("prism12", "pinned_prism"),
-    "docs/derivatives.md": ("prism",),
-    "docs/casadi_functions.md": ("prism",),
-    "docs/embedding.md": ("prism",),
+    "docs/embedding.md": ("prism", "prism12", "pinned_prism"),
     "docs/export.md": ("prism", "pinned_prism"),
     "docs/fmu.md": ("prism",),
     "docs/integrating_in_c.md": ("prism", "prism12", "pinned_prism"),
@@ -101,7 +97,6 @@ SCENES = {
 
 # Other files that a page presupposes.
 FILES = {
-    "docs/control.md": {"standing.toml": STANDING},
     "docs/import.md": {
         "nodes.csv": "node,x,y,z,mass,anchored\na,0,0,0,,yes\nb,1,0,0,1,no\n",
         "members.csv": "member,kind,node_i,node_j,axial_stiffness\nm,cable,a,b,1e4\n",
@@ -120,19 +115,7 @@ FILES = {
 # Python before a block, which names what the page takes as known: page, beginning of the block, code.
 BEFORE = (
     (
-        "docs/control.md",
-        "from tensegrity_codegen import Disturbance, Gust",
-        "import shutil\nimport numpy as np\n"
-        "from tensegrity_codegen import choose_weights, design_distribution, design_kalman\n"
-        'shutil.copy("pinned_prism.toml", "pinned.toml")\n'
-        'model = compile_scene("pinned.toml", for_=("plan", "time_motion", "control"))\n'
-        'motion = time_motion(model, plan(model, \'twist("bar*_B", "base_*")=165\'), duration=1.0)\n'
-        "weights = choose_weights(model, motion, sample=0.005)\nQ, R = weights.Q, weights.R\n"
-        "estimator = design_kalman(model, motion, sample=0.005)\n"
-        "errors, stiffness = np.zeros((2, 6)), model.nominal('axial_stiffness')\n",
-    ),
-    (
-        "docs/integrating_in_c.md",
+        "docs/embedding.md",
         "coordinate = model.nominal",
         "import numpy as np\nfrom tensegrity_codegen import compile_scene, simulate_batch\n"
         'rng = np.random.default_rng(0)\nmodel = compile_scene("prism.toml", for_=("simulate_batch",))\n',

@@ -120,7 +120,7 @@ def study_control(
 
     Notes
     -----
-    docs/control.md has the statuses.
+    docs/control.md has the statuses, docs/margins.md the equations.
 
     Examples
     --------
