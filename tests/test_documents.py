@@ -99,8 +99,3 @@ def test_limits_in_short_are_those_of_their_page(update_golden: bool) -> None:
         if update_golden:
             (ROOT / name).write_text(expected, encoding="utf-8", newline="\n")
         assert document(name) == expected, "run this test with --update-golden"
-
-
-def test_the_index_counts_the_gallery() -> None:
-    pages = len(list((ROOT / "docs" / "gallery").glob("*.md")))
-    assert f"[All {pages} structures](gallery.md)" in document("docs/index.md")

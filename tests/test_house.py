@@ -283,10 +283,6 @@ def test_the_page_of_the_command_line_lists_every_verb() -> None:
     assert sorted(verbs) == sorted(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
 
 
-def test_the_readme_is_a_first_screen() -> None:
-    assert len(document("README.md").split()) <= 900
-
-
 @pytest.mark.filterwarnings("error")
 def test_the_python_of_the_readme_prints_what_it_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

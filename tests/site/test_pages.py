@@ -20,6 +20,7 @@ from site_pages.expand import expand_page  # noqa: E402
 from site_pages.gallery import find_scenes  # noqa: E402
 from site_pages.links import CODE, FENCE, LINK, point_links  # noqa: E402
 from site_pages.live_pages import compute_fingerprint  # noqa: E402
+from site_pages.scene_keys import write_scene_keys  # noqa: E402
 
 PAGES = sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md"))
 
@@ -158,6 +159,16 @@ def test_every_public_name_is_documented_once(expanded: dict[str, str]) -> None:
     text = expanded["reference/python.md"]
     found = re.findall(r"^\.\. auto\w+:: tensegrity_codegen\.(\w+)$", text, re.MULTILINE)
     assert sorted(found) == sorted(set(tensegrity_codegen.__all__) - {"__version__"})
+
+
+def test_the_keys_of_scenes_are_written_from_the_schema(update_golden: bool) -> None:
+    path = DOCS / "reference" / "scene_keys.md"
+    text = path.read_text(encoding="utf-8")
+    head, mark = re.split(r"(<!-- keys: .*? -->\n)", text)[:2]
+    expected = f"{head}{mark}\n{write_scene_keys()}\n\n<!-- end of keys -->\n"
+    if update_golden:
+        path.write_text(expected, encoding="utf-8", newline="\n")
+    assert path.read_text(encoding="utf-8") == expected, "run this test with --update-golden"
 
 
 def test_every_key_of_scenes_has_an_entry(expanded: dict[str, str]) -> None:
