@@ -98,7 +98,7 @@ def list_counts() -> dict[str, int]:
         "quantities": len(QUANTITIES),
         "presets": len(PRESETS),
         "formulations": len(FORMULATIONS),
-        "(?:integrators|integration methods|methods of integration|methods)": integrators,
+        "(?:integrators|integration methods|methods of integration)": integrators,
         "(?:example scenes|examples)": len(list_examples()),
         "(?:structures|scenes|examples) (?:in|of) the gallery": len(list((DOCS / "gallery").glob("*.md"))),
         r"structures\]\(gallery\.md\)": len(list((DOCS / "gallery").glob("*.md"))),
@@ -106,10 +106,10 @@ def list_counts() -> dict[str, int]:
 
 
 def find_counts(pages: Mapping[str, str]) -> list[str]:
-    """Return numbers before a noun that the code counts: its count, or any number behind `all` or `the`."""
+    """Return numbers before a noun that the code counts: its count, or any number behind `all`."""
     found = []
     for noun, count in list_counts().items():
-        pattern = re.compile(rf"(?:\b(all|the) )?\b({NUMBER}) {noun}(?!\w)", re.IGNORECASE)
+        pattern = re.compile(rf"(?:\b(all) )?\b({NUMBER}) {noun}(?!\w)", re.IGNORECASE)
         for page, text in pages.items():
             for unit in split_units(text):
                 for match in pattern.finditer(unit):
