@@ -212,15 +212,16 @@ LIMITS = re.compile(
 
 
 def find_limits(pages: Mapping[str, str]) -> list[str]:
-    """Return pages with two sections of limits, and differences from the list of docs/limits.md."""
+    """Return pages with two sections of limits, and what differs from the links `PAGE#limits` of limits.md."""
     count = {page: len(LIMITS.findall(text)) for page, text in pages.items()}
-    listed = {f"docs/{name}" for name in re.findall(r"^- \*\*.*$", pages["docs/limits.md"], re.MULTILINE)}
-    listed = {f"docs/{name}" for line in listed for name in re.findall(r"\]\((\w+\.md)", line)}
-    having = {page for page in pages if count[page] and page != "docs/limits.md"}
+    links = re.findall(r"\]\(([\w/]+\.md)#limits\)", pages["docs/limits.md"])
+    listed = {f"docs/{name}" for name in links}
+    having = {page for page in pages if count[page]}
     return [
         *(f"{page}: {number} sections of limits" for page, number in count.items() if number > 1),
-        *(f"{page}: has a section of limits and is not listed in docs/limits.md" for page in having - listed),
-        *(f"{page}: listed in docs/limits.md without a section of limits" for page in listed - having),
+        *(f"{name}: linked twice from docs/limits.md" for name in {*links} if links.count(name) > 1),
+        *(f"{page}: has a section of limits to which docs/limits.md has no link" for page in having - listed),
+        *(f"{page}: has no section of limits, to which docs/limits.md links" for page in listed - having),
     ]
 
 
@@ -280,7 +281,7 @@ LONG = "The tension of a slack cable is zero at all lengths below its rest lengt
     ],
 )
 def test_what_is_planted_is_found(check: Any, planted: str, clean: str) -> None:
-    listed = "- **Structures**: [a](a.md)"
+    listed = "- **Structures**: [a](a.md#limits)"
     other = {"docs/b.md": LONG, "docs/limits.md": listed}
     assert check({**other, "docs/a.md": strip(planted)}) != []
     if clean:
