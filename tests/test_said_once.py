@@ -212,7 +212,7 @@ LIMITS = re.compile(
 
 
 def find_limits(pages: Mapping[str, str]) -> list[str]:
-    """Return pages with two sections of limits, and what differs from the links `PAGE#limits` of limits.md."""
+    """Return pages with two sections of limits, and what differs from links `PAGE#limits` of limits.md."""
     count = {page: len(LIMITS.findall(text)) for page, text in pages.items()}
     links = re.findall(r"\]\(([\w/]+\.md)#limits\)", pages["docs/limits.md"])
     listed = {f"docs/{name}" for name in links}
