@@ -62,7 +62,7 @@ class ModelOptions(Table):
     preset: Annotated[str, *_PRESET] = Field(
         "",
         description="Settings for a purpose, for keys that are not given. "
-        + " ".join(f"{item.name}: {item.title}." for item in PRESETS.values()),
+        + " ".join(f"{preset.name}: {preset.title}." for preset in PRESETS.values()),
     )
     formulation: Annotated[str, *_FORMULATION] = Field(
         next(iter(FORMULATIONS)),
@@ -73,9 +73,9 @@ class ModelOptions(Table):
         default_factory=dict,
         description="Options of the formulation, the default first. "
         + " ".join(
-            f"{item.name}: {', '.join(' '.join((key, *words)) for key, words in item.options.items())}."
-            for item in FORMULATIONS.values()
-            if item.options
+            f"{name}: {', '.join(' '.join((key, *choices)) for key, choices in formulation.options.items())}."
+            for name, formulation in FORMULATIONS.items()
+            if formulation.options
         ),
     )
     emitter: Annotated[str, *_EMITTER] = Field(
@@ -151,7 +151,7 @@ class ModelOptions(Table):
 
 
 class Parameters(Table):
-    """What stays changeable at run time; all else is baked in as constants."""
+    """What stays changeable at run time; all else is constant in the code."""
 
     rest_length: Selection | None = Field(
         None, description='Rest lengths [m]: "all" or names of members, groups and classes.'
