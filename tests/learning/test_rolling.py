@@ -11,6 +11,7 @@ from tests.models import ROOT
 
 
 @pytest.mark.thorough
+@pytest.mark.timeout(1800)
 def test_the_policy_of_the_example_rolls_and_walks_in_c(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
