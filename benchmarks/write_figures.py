@@ -64,7 +64,7 @@ PROGRAMS = (
     Program("live_pages", "answers_measured.md"),
     Program("robots", "robots_measured.md", "--rounds 5"),
     Program("stiffness_spread", "stiffness.md", "--rounds 5"),
-    Program("stiff_bars", "stiffness.md", "prism icosahedron tower rosenbrock --patience 1 --rounds 5"),
+    Program("stiff_bars", "stiffness.md", "prism icosahedron rosenbrock --patience 1 --rounds 5"),
     Program("simulate_calls", "simulate_calls.md", "--references output/references --quick --patience 1"),
     Program("bench", "benchmarks.md", "--only prism icosahedron tower10"),
 )

@@ -250,6 +250,8 @@ def test_a_table_becomes_bars() -> None:
         ("1", "25.00", "wrong: 500"),
         ("0", "50.00", "right: 1000"),
     ]
+    unknown = f"{TABLE.rstrip()}\n| d | w | not reached | |\n"
+    assert expand_page(f"<!-- site: bars scene, x: right, wrong -->{unknown}", "docs/x.md").startswith(chart)
     with pytest.raises(ValueError, match="no column missed; it has scene, x, right, wrong"):
         expand_page(f"<!-- site: bars scene: missed -->{TABLE}", "docs/x.md")
 
