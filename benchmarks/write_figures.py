@@ -4,13 +4,15 @@ python benchmarks/write_figures.py [NAME ...] [--quiet | --timings] [--dirty] [-
 
 NAME: programs, such as stiff_bars; all if none. Those whose results do not depend on other work run first
 (--quiet runs them alone), those that time something last, one at a time (--timings runs them alone). These
-refuse a tree with changes of code, unless --dirty is given. What fails is named at the end, and its page
-keeps its figures. Run it with a Python that has mujoco, jax, numba and scikit-sundae.
+refuse a tree with changes of code, unless --dirty is given. What fails, or takes longer than 15
+minutes, is named at the end, and its page keeps its figures. Run it with a Python that has mujoco, jax,
+numba, scikit-sundae and distributed.
 """
 
 import argparse
 import os
 import re
+import signal
 import subprocess
 import sys
 import time
@@ -18,6 +20,7 @@ from dataclasses import dataclass
 
 from harness.turns import END, ROOT, describe_origin, replace_figures
 
+MOST = 900.0  # s that a program may take
 README = "<!-- figures: benchmarks/write_figures.py -->"
 
 
@@ -58,7 +61,7 @@ PROGRAMS = (
     Program("derivatives", "learning_measured.md"),
     Program("environments", "learning_measured.md", "--rounds 3 --states 32"),
     Program("ensembles", "sweep_measured.md"),
-    Program("sweep", "sweep_measured.md"),
+    Program("sweep", "sweep_measured.md", "--peers 20"),
     Program("sweep_scaling", "sweep_measured.md", "--quick"),
     Program("time_to_answer", "answers_measured.md", "--verbs check equilibrium analyse simulate build play"),
     Program("live_pages", "answers_measured.md"),
@@ -112,14 +115,27 @@ def run(item: Program) -> bool:
     path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
     environment = os.environ | {"PYTHONPATH": path, "OPENBLAS_NUM_THREADS": "1"}
     began = time.monotonic()
-    with log.open("w", encoding="utf-8") as file:
-        done = subprocess.run(
-            [sys.executable, *item.command], cwd=ROOT, env=environment, stdout=file, stderr=file, check=False
-        )
+    with (
+        log.open("w", encoding="utf-8") as file,
+        subprocess.Popen(
+            [sys.executable, *item.command],
+            cwd=ROOT,
+            env=environment,
+            stdout=file,
+            stderr=file,
+            start_new_session=True,
+        ) as process,
+    ):
+        try:
+            process.wait(MOST)
+        except (subprocess.TimeoutExpired, KeyboardInterrupt) as reason:
+            os.killpg(process.pid, signal.SIGKILL)
+            if isinstance(reason, KeyboardInterrupt):
+                raise
     taken = time.monotonic() - began
-    words = "" if done.returncode == 0 else f", failed with {done.returncode}: {log.relative_to(ROOT)}"
+    words = "" if process.returncode == 0 else f", failed with {process.returncode}: {log.relative_to(ROOT)}"
     print(f"{item.name:20}{taken:8.0f} s{words}", flush=True)
-    return done.returncode == 0
+    return process.returncode == 0
 
 
 def read_figures(item: Program) -> str:

@@ -19,7 +19,19 @@ from tests.test_english import MODULES, parse
 
 ROOT = Path(__file__).resolve().parent.parent
 VERBS = [
-    *("bench", "check", "clean", "contracts", "demo", "docs", "examples", "format", "golden", "help"),
+    *(
+        "bench",
+        "check",
+        "clean",
+        "contracts",
+        "demo",
+        "docs",
+        "examples",
+        "figures",
+        "format",
+        "golden",
+        "help",
+    ),
     *("lint", "setup", "test", "test-all", "types", "wheel"),
 ]
 in_checkout = pytest.mark.skipif(not (ROOT / ".git").exists(), reason="needs the git checkout")

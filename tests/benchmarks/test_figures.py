@@ -1,7 +1,6 @@
 """Pages of figures: finding, commit, day, machine and how to repeat; one list of their programs."""
 
 import re
-import subprocess
 import sys
 from pathlib import Path
 
@@ -85,7 +84,7 @@ def test_published_figures_stand_between_their_marks_alone(
     page.write_text(f"# A\n{mark}\nold\n{turns.END}\n{other}\nkept\n{turns.END}\nend\n", "utf-8")
     monkeypatch.setattr(turns, "ROOT", tmp_path)
     monkeypatch.setattr(turns, "describe_origin", lambda: "Measured.")
-    monkeypatch.setattr(sys, "argv", ["benchmarks/some.py", "--quick", "--in", "/home/a/b.yaml", "--write"])
+    monkeypatch.setattr(sys, "argv", ["benchmarks/some.py", "--quick", "--in", "/srv/a/b.yaml", "--write"])
     turns.publish("a.md", "1 of 2", "| table |\n", write=True)
     repeat = "How to repeat: `python benchmarks/some.py --quick --in b.yaml --write`"
     wanted = f"{mark}\n**1 of 2**\n\nMeasured.\n\n{repeat}\n\n| table |\n{turns.END}\n"
@@ -96,22 +95,27 @@ def test_published_figures_stand_between_their_marks_alone(
 
 
 def test_a_failure_is_named_and_the_others_run(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    ran = []
-
-    def run(command: list[str], **_: object) -> subprocess.CompletedProcess[str]:
-        ran.append(command[1])
-        return subprocess.CompletedProcess(command, int("ground" in command[1]))
-
-    monkeypatch.setattr(write_figures.subprocess, "run", run)
+    monkeypatch.setattr(write_figures, "ROOT", tmp_path)
+    (tmp_path / "benchmarks").mkdir()
+    for name, text in (
+        ("ground", "1 / 0"),
+        ("mpc", "print(__file__)"),
+        ("sweep", "import time; time.sleep(60)"),
+    ):
+        (tmp_path / "benchmarks" / f"{name}.py").write_text(text, "utf-8")
     monkeypatch.setattr(write_figures, "describe_origin", lambda: "Measured at commit 01234567 with changes")
     monkeypatch.setattr(write_figures, "write_readme", lambda: None)
     monkeypatch.setattr(sys, "argv", ["write_figures.py", "ground", "mpc"])
     with pytest.raises(SystemExit, match="--dirty"):
         write_figures.main()
-    assert not ran
+    assert not (tmp_path / "output").exists()
     monkeypatch.setattr(sys, "argv", ["write_figures.py", "ground", "mpc", "--dirty"])
     assert write_figures.main() == 1
-    assert ran == ["benchmarks/mpc.py", "benchmarks/ground.py"]
-    assert capsys.readouterr().out.endswith("failed: ground\n")
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == ["mpc", "ground", "failed:"]  # in the order of the list
+    assert lines[-1] == "failed: ground"
+    assert "ZeroDivisionError" in (tmp_path / "output" / "figures" / "ground.txt").read_text("utf-8")
+    monkeypatch.setattr(write_figures, "MOST", 0.2)
+    assert not write_figures.run(next(item for item in PROGRAMS if item.name == "sweep"))
