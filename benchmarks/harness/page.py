@@ -210,7 +210,7 @@ def _comparison(rows: Sequence[Row], floor: Floor | None) -> Iterator[Section]:
     if len(cells) > 1:
         caption = "The fastest of ours and the fastest other way"
         table = table_of(caption, cells, _worst(cells), "the least ratios")
-        yield Section("fastest", "all", "Every comparison", "plain", describe_finding(rows), (table,))
+        yield Section("fastest", "", "Every comparison", "plain", describe_finding(rows), (table,))
     single = [row for row in rows if MANY not in row.structure]
     for quantity in dict.fromkeys(row.quantity for row in single):
         caption = f"{quantity}: ns a member, by number of members"
@@ -219,13 +219,13 @@ def _comparison(rows: Sequence[Row], floor: Floor | None) -> Iterator[Section]:
             figures = _figures(partial(draw_times, rows, quantity, floor))
             result = describe_finding([row for row in single if row.quantity == quantity])
             blocks = (*figures, table)
-            yield Section(f"time-{quantity}", "one state", quantity, "plain", result, blocks)
+            yield Section(f"time-{quantity}", "", quantity, "plain", result, blocks)
     cells = rate_cells(rows)
     if len(cells) > 1:
         table = table_of("States a second and core", cells)
         figures = _figures(partial(draw_rates, rows))
         result = describe_finding([row for row in rows if MANY in row.structure])
-        yield Section("rates", "many states", "States a second", "plain", result, (*figures, table))
+        yield Section("rates", "", "States a second", "plain", result, (*figures, table))
 
 
 def _worst(cells: Cells) -> list[int]:
@@ -245,18 +245,18 @@ def _sizes(rows: Sequence[Row]) -> Iterator[Section]:
         tables = [table for table in (code, compiling) if table is not None]
         if tables:
             drawn = figures if quantity == "node_force" else ()
-            yield _section(f"size-{quantity}", "code", quantity, tables[0], (*drawn, *tables))
+            yield _section(f"size-{quantity}", quantity, tables[0], (*drawn, *tables))
     cells = growth_cells(rows)
     if len(cells) > 1:
         table = table_of("Exponents of growth with the number of members, over the towers", cells)
-        yield _section("growth", "growth", "Growth with the number of members", table, (table,))
+        yield _section("growth", "Growth with the number of members", table, (table,))
 
 
 def _largest(large: Mapping[int, Mapping[str, Any]]) -> Iterator[Section]:
     cells = large_cells(large)
     if len(cells) > 1:
         table = table_of("Towers by `table`, read, generated, compiled and loaded", cells)
-        yield _section("largest", "size", "From a scene to a loaded library", table, (table,))
+        yield _section("largest", "From a scene to a loaded library", table, (table,))
 
 
 def _pivot(
@@ -289,16 +289,16 @@ def _all_rows(rows: Sequence[Row]) -> Section:
         tables.append(replace(table, folded=title))
     untimed = sum(row.ns is None for row in rows)
     result = f"{len(rows):,} functions and other ways, {untimed:,} of which were not timed"
-    return Section("all-rows", "all", "Everything measured", "plain", result, tuple(tables))
+    return Section("all-rows", "", "Everything measured", "plain", result, tuple(tables))
 
 
 def _machine(machine: Mapping[str, str], floor: Floor | None) -> Iterator[Section]:
     if floor is not None:
         table = table_of("Nanoseconds of one operation, a lane", floor_cells(floor))
-        yield _section("floor", "core", "Floor of this core", table, (table,))
+        yield _section("floor", "Floor of this core", table, (table,))
     if machine:
         table = table_of("Compilers and packages", [["what", "value"], *([k, v] for k, v in machine.items())])
-        yield Section("versions", "machine", "Machine", "plain", machine.get("run", ""), (table,))
+        yield Section("versions", "", "Machine", "plain", machine.get("run", ""), (table,))
 
 
 def _scripts(scripts: Mapping[str, str]) -> Iterator[Section]:
@@ -307,12 +307,12 @@ def _scripts(scripts: Mapping[str, str]) -> Iterator[Section]:
         failed = "failed; " if text.startswith("failed:") else ""
         result = f"{failed}{len(lines):,} lines"
         yield Section(
-            f"script-{number}", "script", title, "plain", result, (Command(text.strip(), folded="Output"),)
+            f"script-{number}", "", title, "plain", result, (Command(text.strip(), folded="Output"),)
         )
 
 
-def _section(anchor: str, source: str, title: str, table: Table, blocks: Iterable[Block]) -> Section:
-    return Section(anchor, source, title, "plain", table.row_count, tuple(blocks))
+def _section(anchor: str, title: str, table: Table, blocks: Iterable[Block]) -> Section:
+    return Section(anchor, "", title, "plain", table.row_count, tuple(blocks))
 
 
 def _figures(draw: Callable[[], Iterable[Drawing]]) -> Iterator[Figure]:
