@@ -1,6 +1,9 @@
 """The sdist and the wheel hold what is needed, and an installed wheel works away from the checkout."""
 
+import hashlib
 import os
+import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -10,9 +13,12 @@ from pathlib import Path
 
 import pytest
 
+from tensegrity_codegen.cli.app import find_verbs
 from tensegrity_codegen.live.three_module import BUNDLED, write_three
+from tensegrity_codegen.system.cache_root import CACHE_VARIABLE
 from tensegrity_codegen.system.errors import MissingSourceError
 from tensegrity_codegen.system.version import VERSION
+from tests.cli.test_help_examples import BEFORE, ELSEWHERE, EXAMPLES, write_needed
 
 pytestmark = pytest.mark.thorough
 
@@ -24,12 +30,24 @@ TEMPLATES = sorted(
 )
 THREE = [f"templates/live/three/{name}" for name in BUNDLED]
 LEFT_OUT = (".git", ".venv", ".*_cache", "__pycache__", "output", "dist", "build", "three")
-EXAMPLES = sorted(path.name for path in (ROOT / "tensegrity_codegen/scene/examples").glob("*.toml"))
+SCENES = sorted(path.name for path in (ROOT / "tensegrity_codegen/scene/examples").glob("*.toml"))
 MODULES = sorted(
     path.relative_to(ROOT).as_posix()
     for path in (ROOT / "tensegrity_codegen").rglob("*.py")
     if "__pycache__" not in path.parts
 )
+
+# Short commands of the verbs whose example in their help takes minutes.
+SHORT = {
+    "cache": "cache --clear",
+    "play": "play two_nodes.toml --out play.html",
+    "report": "report two_nodes.toml --t-end 0.01 --samples 3 --longest 0.01 --no-peers --out report",
+    "reproduce": "reproduce sk --quick --out reproduction",
+    "show": "show prism.toml --out prism.png",
+    "stability": "stability two_nodes.toml --budget 5 --limit 0.5 --no-peers --out stability",
+}
+COMMANDS = {verb: words for verb, words in EXAMPLES.items() if verb not in ELSEWHERE} | SHORT
+EXTRAS = "plot,cc,control,sweep"
 
 # From example scene to C text, with everything that the wheel brings along.
 RENDER = """
@@ -64,18 +82,39 @@ def run(*command: str | Path, folder: Path, **environment: str) -> str:
     return done.stdout
 
 
-@pytest.fixture(scope="module")
-def dist(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the sdist, and the wheel that was built from the sdist."""
-    folder = tmp_path_factory.mktemp("dist")
+def build(folder: Path, **environment: str) -> Path:
+    """Copy the checkout into a folder and build there as `make wheel` does."""
     copy = folder / "source"
     shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns(*LEFT_OUT))
     try:
         write_three(copy / "templates" / "live" / "three")
     except MissingSourceError as error:
         pytest.skip(f"{error.problem} ({error.given})")
-    run(sys.executable, "-m", "build", "--no-isolation", "--outdir", folder, copy, folder=folder)
+    words = (sys.executable, "-m", "build", "--no-isolation", "--outdir", folder, copy)
+    run(*words, folder=folder, **environment)
     return folder
+
+
+@pytest.fixture(scope="module")
+def dist(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the sdist, and the wheel that was built from the sdist."""
+    return build(tmp_path_factory.mktemp("dist"))
+
+
+@pytest.fixture(scope="module")
+def fresh(dist: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The command in a new environment with the wheel and its extras, from pip."""
+    folder = tmp_path_factory.mktemp("environment")
+    run(sys.executable, "-m", "venv", folder, folder=folder)
+    wheel = f"{next(dist.glob('*.whl'))}[{EXTRAS}]"
+    pip = (folder / "bin" / "python", "-m", "pip", "--disable-pip-version-check", "install", "--quiet")
+    try:
+        run(*pip, wheel, folder=folder)
+    except AssertionError as error:
+        if not re.search("No matching distribution|NewConnectionError|Temporary failure", str(error)):
+            raise
+        pytest.skip(f"pip cannot reach the packages that the wheel needs: {str(error).splitlines()[-1]}")
+    return folder / "bin" / "tensegrity-codegen"
 
 
 @pytest.fixture(scope="module")
@@ -95,9 +134,9 @@ def test_the_sdist_holds_all_that_the_project_is_built_and_tested_with(dist: Pat
         *MODULES,
         *(f"templates/{name}" for name in TEMPLATES),
         *THREE,
-        *(f"tensegrity_codegen/scene/examples/{name}" for name in EXAMPLES),
+        *(f"tensegrity_codegen/scene/examples/{name}" for name in SCENES),
         *("tensegrity_codegen/py.typed", "pyproject.toml", "Makefile", "README.md", "CHANGELOG.md"),
-        *("CONTRIBUTING.md", "LICENSE"),
+        *("CONTRIBUTING.md", "LICENSE", "CITATION.cff", ".ci/run"),
         *("tests/test_packaging.py", "docs/model.md", "docs/decisions/0001-floors.md"),
         *("examples/run.py", "examples/mast.toml", "examples/c/mast.c", "examples/rust/src/main.rs"),
     }
@@ -112,7 +151,7 @@ def test_the_wheel_holds_modules_templates_examples_and_types_and_nothing_else(d
         *MODULES,
         *(f"tensegrity_codegen/templates/{name}" for name in TEMPLATES),
         *(f"tensegrity_codegen/{name}" for name in THREE),
-        *(f"tensegrity_codegen/scene/examples/{name}" for name in EXAMPLES),
+        *(f"tensegrity_codegen/scene/examples/{name}" for name in SCENES),
         *(
             path.relative_to(ROOT).as_posix()
             for path in ROOT.glob("tensegrity_codegen/studies/papers/data/*.*")
@@ -134,7 +173,7 @@ def test_the_installed_command_line_answers_away_from_the_checkout(installed: Pa
 def test_the_installed_package_lists_its_examples(installed: Path, tmp_path: Path) -> None:
     command = (sys.executable, "-m", "tensegrity_codegen", "examples")
     text = run(*command, folder=tmp_path, PYTHONPATH=str(installed))
-    assert [name for name in EXAMPLES if name.removesuffix(".toml") not in text] == []
+    assert [name for name in SCENES if name.removesuffix(".toml") not in text] == []
 
 
 def test_the_installed_package_renders_with_its_own_templates(installed: Path, tmp_path: Path) -> None:
@@ -155,6 +194,34 @@ def test_the_installed_package_writes_live_pages_without_a_network(installed: Pa
     page = (tmp_path / "two.html").read_text(encoding="utf-8")
     assert "three.js authors" in page
     assert not list(cache.rglob("*.whl"))
+
+
+def test_two_builds_at_different_times_and_places_give_the_same_bytes(
+    dist: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    other = build(tmp_path_factory.mktemp("elsewhere"), TZ="Pacific/Auckland", LC_ALL="C", PYTHONHASHSEED="7")
+    hashes = [
+        {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.glob("tensegrity*")}
+        for folder in (dist, other)
+    ]
+    assert len(hashes[0]) == 2
+    assert hashes[0] == hashes[1]
+
+
+def test_every_verb_has_a_command_for_the_installed_wheel() -> None:
+    assert {verb.word for verb in find_verbs()} <= {command.split()[0] for command in COMMANDS.values()}
+
+
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("verb", COMMANDS)
+def test_the_installed_wheel_runs_every_verb(verb: str, fresh: Path, tmp_path: Path) -> None:
+    cache = fresh.parent.parent / "cache"  # its own, shared by the verbs of this environment
+    cache.mkdir(mode=0o700, exist_ok=True)
+    for words in (BEFORE.get(verb) if COMMANDS[verb] == EXAMPLES[verb] else None, COMMANDS[verb]):
+        if words is not None:
+            write_needed(shlex.split(words), tmp_path)
+            alone = {CACHE_VARIABLE: str(cache), "PYTHONNOUSERSITE": "1"}
+            run(fresh, *shlex.split(words), folder=tmp_path, **alone)
 
 
 def test_the_console_script_is_declared(installed: Path) -> None:
