@@ -160,7 +160,8 @@ class Sizing(ByName, Summarised):
 
 MOST_PROVED = 40  # members, up to which the search goes on until the mass is proved
 MOST_SPLITS, FEW_SPLITS = 20_000, 100  # by default, up to that many members and beyond
-MAX_ROUNDS, SAME_MASS = 50, 1e-9  # with weights of members, until no mass changes by this part of all
+MAX_ROUNDS, SAME_MASS = 50, 1e-9  # with weights of members, until no node's changes by this part of all
+ALTERNATES = 1e-6  # of the mass, by which it grows at most where designs that are as light take turns
 LEAST_FORCE = 1e-9  # of the largest: smaller ones at nodes are rounding
 
 
@@ -261,16 +262,28 @@ def size_members(
         sized = _record(
             structure, request, material, law, program, optimum, tuple(cases), force, mass, gap, areas
         )
-        change = np.abs(sized.member_mass - member_mass).max()
+        change = np.abs(_carry(structure, sized.member_mass - member_mass)).max()
         if change <= SAME_MASS * sized.total_mass or not any(case.weight for case in cases.values()):
             return sized
-        member_mass = sized.member_mass
+        growth, member_mass = sized.total_mass - float(member_mass.sum()), sized.member_mass
+    problem, hint = "heavier members need heavier ones", "a stronger or lighter material, or shorter members"
+    if growth <= ALTERNATES * sized.total_mass:
+        problem = "each design is the least under the weights of another, that is as light"
+        hint = f"state the weights as loads of nodes, such as those of {sized.total_mass:.6g} kg in all"
     raise ConvergenceError(
-        "the weights of members do not come to an end: heavier members need heavier ones",
+        f"the weights of members do not come to an end: {problem}",
         evidence={"rounds": MAX_ROUNDS, "total_mass": sized.total_mass},
         where=structure.name,
-        hint="a stronger or lighter material, or shorter members",
+        hint=hint,
     )
+
+
+def _carry(structure: Structure, member_mass: FloatArray) -> FloatArray:
+    """Return the mass of members that each free node carries, half of each member's [kg]."""
+    carried = np.zeros(structure.n_nodes)
+    for end in structure.connectivity.T:
+        np.add.at(carried, end, 0.5 * member_mass)
+    return np.asarray(carried[structure.coordinate_node_axis[:, 0]])
 
 
 def _read_sections(structure: Structure, sections: Sequence[float]) -> FloatArray:
@@ -297,10 +310,8 @@ def _state_program(
     limits = structure.limits
     lower = np.maximum(np.where(structure.is_bar, -np.inf, 0.0), limits.least_tension)
     upper = np.minimum(np.where(structure.is_bar & (not bars_pull), 0.0, np.inf), limits.most_tension)
-    weight = np.zeros((structure.n_nodes, 3))
-    for end in structure.connectivity.T:
-        np.add.at(weight, end, 0.5 * member_mass[:, None] * structure.gravity)
-    loads = np.stack([case.load + case.weight * weight for case in cases.values()])[:, node, axis]
+    weight = _carry(structure, member_mass) * structure.gravity[axis]
+    loads = np.stack([case.load[node, axis] + case.weight * weight for case in cases.values()])
     stated = np.stack([case.tension for case in cases.values()])
     lower, upper = (np.where(np.isnan(stated), limit, stated) for limit in (lower, upper))
     force = float(max(np.abs(loads).max(initial=0.0), np.abs(lower[np.isfinite(lower)]).max(initial=0.0)))

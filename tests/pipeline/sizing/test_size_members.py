@@ -535,3 +535,26 @@ def test_grounds_and_rings_are_refused() -> None:
     scene["members"]["cable13"]["nodes"] = ["n1", "n2", "n3"]
     with pytest.raises(FormulationError, match="through rings"):
         size_members(scene, **ALUMINIUM)
+
+
+def cross(arms: int) -> dict[str, Any]:
+    """A strut between two nodes, each of which cables hold at anchors around: many designs are as light."""
+    nodes: dict[str, Any] = {"top": {"position": [0, 0, 1]}, "low": {"position": [0, 0, -1]}}
+    members = {"king": {"class": "strut", "nodes": ["top", "low"]}}
+    for k, angle in enumerate(2 * np.pi * np.arange(arms) / arms):
+        nodes[f"s{k}"] = {"position": [2 * np.cos(angle), 2 * np.sin(angle), 0.0], "anchored": True}
+        members |= {f"{end}{k}": {"class": "cable", "nodes": [f"s{k}", end]} for end in ("top", "low")}
+    kinds = {
+        "strut": {"kind": "bar", "axial_stiffness": 1e7},
+        "cable": {"kind": "cable", "axial_stiffness": 1e6},
+    }
+    return {"name": "cross", "gravity": [0, 0, -9.81], "classes": kinds, "nodes": nodes, "members": members}
+
+
+def test_weights_agree_where_designs_that_are_as_light_take_turns() -> None:
+    """Cables of another pair of arms weigh as much on the two nodes."""
+    case = {"snow": {"top": [0, 0, -3e4], "weight": 50.0, "king": -4e4}}
+    steel = {"youngs_modulus": 2.1e11, "density": 7850.0, "yield_stress": 355e6}
+    found = size_members(cross(4), load_cases=case, **steel)
+    assert found.total_mass == pytest.approx(21.1084011, rel=1e-8)
+    assert found.member_tension[0][0] == pytest.approx(-4e4)
