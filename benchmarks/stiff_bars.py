@@ -404,9 +404,9 @@ def describe_finding(rows: Sequence[str]) -> str:
     whatever, python = ratios["any"].values(), ratios["any, ours called from Python"].values()
     alike = min(min(ratios[bars].values()) for bars in ("elastic bars", "rigid bars") if bars in ratios)
     return (
-        f"At equal error {min(cvode):.2g} to {max(cvode):,.0f} times as fast as CVODE, {min(springs):.2g} to "
-        f"{max(springs):,.0f} as MuJoCo with springs; `simulate` from Python "
-        f"{min(gather('any, ours called from Python', '')):.2g} times at worst"
+        f"At equal error {min(whatever):.2g} to {max(whatever):.3g} times as fast in C as the fastest other "
+        f"program, {alike:.2g} times at least where both take bars as elastic or both as rigid; `simulate` "
+        f"from Python {min(python):.2g} to {max(python):.2g} times"
     )
 
 
