@@ -39,6 +39,8 @@ def expand_page(text: str, page: str) -> str:
 def _replace(mark: str, page: str) -> str:
     if mark == "command line":
         return write_command_line()
+    if mark == "number of scenes":
+        return write_count()
     word, _, rest = mark.partition(" ")
     if word == "cards":
         return write_cards(rest.split(), page)

@@ -76,11 +76,9 @@ def build_control_page(study: ControlStudy, model: CompiledModel, structure: Str
         title=describe_control_finding(study, bound),
         lead=f"The end is the last {study.last:.3g} of "
         f"{format_short(study.t_end)} s; errors are the largest of {count} draw{'s' * (count != 1)} of the "
-        f"disturbances. Diagrams show the "
-        f"worst draw, number {study.worst_draw} (counted from 0).",
-        chapters=(Chapter("control", structure.name, STATUS[study.status], _count(study, model), sections),),
+        f"disturbances. Diagrams show the worst draw, number {study.worst_draw} (counted from 0).",
+        chapters=(Chapter("control", structure.name, "", _count(study, model), sections),),
         facts=(f"tensegrity_codegen {VERSION}.", "Statuses: docs/control.md; equations: docs/gains.md."),
-        summary_heads=("part", "what", "result"),
     )
 
 
