@@ -7,6 +7,7 @@
     <!-- site: number of scenes -->                "31 structures."
     <!-- site: live NAME -->                       the live page of a scene, in a frame
     <!-- site: scene NAME -->                      the text of a scene's file, folded
+    <!-- site: keys of scenes -->                  every table and key of scene files
     <!-- site: file docs/derivations/bodies.py --> a program, as code
     <!-- site: bars NAME, NAME: PART, PART -->     the next table as bars: columns of names, of parts
     <!-- site: pages 0* -->                        navigation: pages of this folder, by name or pattern
@@ -16,12 +17,14 @@ In a view of the repository a mark is not shown; a page says beside it where to 
 """
 
 import re
+from collections.abc import Callable
 
 from site_pages.bars import write_bars
 from site_pages.command_line import write_command_line
 from site_pages.gallery import write_cards, write_count, write_live_frame, write_scene_file
 from site_pages.links import ROOT, point_links
 from site_pages.python_names import write_names
+from site_pages.scene_keys import write_scene_keys
 
 MARK = re.compile(r"^<!-- site: (.+?) -->$", re.MULTILINE)
 
@@ -37,10 +40,12 @@ def expand_page(text: str, page: str) -> str:
 
 
 def _replace(mark: str, page: str) -> str:
-    if mark == "command line":
-        return write_command_line()
-    if mark == "number of scenes":
-        return write_count()
+    makers: dict[str, Callable[[], str]] = {
+        "command line": write_command_line,
+        "keys of scenes": write_scene_keys,
+    }
+    if mark in makers:
+        return makers[mark]()
     word, _, rest = mark.partition(" ")
     if word == "cards":
         return write_cards(rest.split(), page)
@@ -57,7 +62,7 @@ def _replace(mark: str, page: str) -> str:
     if word == "pages":
         names = "\n".join(rest.split())
         return f"```{{toctree}}\n:hidden:\n:glob:\n\n{names}\n```"
-    allowed = "bars, cards, command line, file, include, live, pages, python, scene"
+    allowed = ", ".join([*makers, "bars", "cards", "file", "include", "live", "pages", "python", "scene"])
     raise ValueError(f"{page}: no mark of the site is called {mark!r}; allowed: {allowed}")
 
 
