@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensegrity_codegen.report.pages.page import Figure, Page, render_page
+from tensegrity_codegen.report.pages.page import Command, Figure, Page, render_page
 from tensegrity_codegen.report.pages.page_table import Table
 from tensegrity_codegen.studies.work_precision.measure import MotionProblem, Reference, Row, find_fastest
 from tensegrity_codegen.studies.work_precision.report import build_page
@@ -78,6 +78,10 @@ def describe(report: SceneReport) -> str:
 def test_the_page_states_the_finding(page: Page, text: str) -> None:
     assert page.title.startswith("9.9 times faster than the fastest other program, ")
     check_static(text, ["9.9", "1e-6"])
+    (block,) = [block for block in page.chapters[0].sections[0].blocks if isinstance(block, Command)]
+    lines = block.text.splitlines()
+    assert lines[0] == '# formulation = "node_position" under [model]'
+    assert all(line.startswith("tensegrity-codegen simulate prism.toml --t-end 1 ") for line in lines[1:])
 
 
 def test_the_heading_compares_with_the_fastest_other_program() -> None:

@@ -128,9 +128,12 @@ def _advice(report: SceneReport, anchor: str) -> Section:
         "place, which some formulations correct by their stretch to first order.",
     )
     result = best if chosen else "no method reaches any of these errors"
-    runs = [run.partition(", with ") for run in dict.fromkeys(map(report.describe_simulation, chosen)) if run]
     verb = f"tensegrity-codegen simulate {report.problem.structure.name}.toml "
-    commands = "\n".join(f"# {keys}\n{verb}{run.removeprefix('simulate ')}" for run, _, keys in runs)
+    runs: dict[str, list[str]] = {}
+    for run in dict.fromkeys(map(report.describe_simulation, chosen)):
+        words, _, keys = run.partition(", with ")
+        runs.setdefault(f"# {keys}", []).append(verb + words.removeprefix("simulate "))
+    commands = "\n".join("\n".join([keys, *lines]) for keys, lines in runs.items())
     same: list[Block] = [Paragraph("These commands repeat the runs:"), Command(commands)] if runs else []
     return Section(f"{anchor}-advice", "", "What to use", "plain", result, (table, *same))
 
@@ -158,7 +161,7 @@ def _pictures(report: SceneReport, anchor: str) -> Section:
         best_peers = {name: find_front(rows) for name, rows in _by(peers, "program").items()}
         groups = {"ours, the fastest of all": find_front(own_rows), **best_peers}
         caption = "our fastest runs and other programs, each by the fastest of its methods and settings"
-        figures.append(_figure(groups, report, f"{anchor}-peers", caption))
+        figures.insert(0, _figure(groups, report, f"{anchor}-peers", caption))
     for number, name in enumerate(formulations):
         rows = _by([row for row in own_rows if row.formulation == name], "method")
         figures.append(_figure(rows, report, f"{anchor}-methods{number}", f"{name} by every method"))
