@@ -226,7 +226,7 @@ MAX_LINES = {
     "learning": 2_150,  # environments; derivatives
     "live": 1_300,
     "pipeline": 3_775,  # needs of derivatives
-    "report": 5_550,  # surfaces of bodies
+    "report": 5_680,  # surfaces of bodies, pages of load paths
     "runtime": 22_150,  # bodies in motions and statics
     "scene": 13_450,  # rigid bodies with parts, and their import
     "structure": 3_750,  # rigid bodies

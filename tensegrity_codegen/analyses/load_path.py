@@ -152,9 +152,7 @@ class FollowLoadPath(SceneAnalysis):
         float | None,
         Option("load factor at which a path that turned back ends; 0: at its start; default -10 x --most."),
     ] = None
-    events: Annotated[
-        str, Option(f"what to report, separated by commas; default all: {', '.join(EVENTS)}.")
-    ] = ALL_EVENTS
+    events: Annotated[str, Option(f"events, by commas; default all: {', '.join(EVENTS)}.")] = ALL_EVENTS
     past_contact: Annotated[bool, Option("continue after contact; bars then pass through each other.")] = (
         False
     )
@@ -190,9 +188,8 @@ class FollowLoadPath(SceneAnalysis):
         ramp = build_ramp(subject, self.ramp, case.added_load, texts)
         statics = with_statics(subject, case.request)
         needs = find_needs("load_path", subject, statics).alone(statics)
-        quantities = (*needs.quantities, *MEMBER_WATCH_QUANTITIES)
-        if "page" in case.files and isinstance(subject, BodySystem):
-            quantities += ("node_position",)
+        extra = ("node_position",) if "page" in case.files and isinstance(subject, BodySystem) else ()
+        quantities = (*needs.quantities, *MEMBER_WATCH_QUANTITIES, *extra)
         needs = needs.wanting(*quantities, parameters=ramp.parameters)
         model = case.build(subject, needs)
         path = build_path(model, ramp.pattern, {**ramp.base, **merge_inputs(model.manifest, case.inputs)})
@@ -250,8 +247,9 @@ class LoadPathResult(Result):
         flaws, drawn = _find_flaws(subject, columns).describe(), outline_bodies(subject)
         with work_pass("drawing"):
             rows = [place_nodes(model.model, q, arguments=model.arguments) for q in self.path.coordinate]
-            places, command = np.array(rows), self.case.command
-            page = build_path_page(self.path, self.events, drawn, places, columns, flaws, command)
+            page = build_path_page(
+                self.path, self.events, drawn, np.array(rows), columns, flaws, self.case.command
+            )
             write_page(page, path, overwrite=overwrite)
 
     def as_dict(self) -> dict[str, Any]:

@@ -97,15 +97,15 @@ class VerbCommand(TyperCommand):
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """List arguments, the options of the verb itself, and the common ones."""
-        parts: dict[str, list[Any]] = {"Arguments": [], "Options": [], "Common options": []}
+        records: dict[str, list[Any]] = {"Arguments": [], "Options": [], "Common options": []}
         for parameter in self.get_params(ctx):
             is_common = not COMMON.isdisjoint(parameter.opts)
             kind = "Common options" if is_common else "Options"
             kind = "Arguments" if parameter.param_type_name == "argument" else kind
             record = parameter.get_help_record(ctx)
-            parts[kind] += [] if record is None else [record]
-        width = max((len(row[0]) for row in parts["Options"] + parts["Common options"]), default=0)
-        for title, rows in parts.items():
+            records[kind] += [] if record is None else [record]
+        width = max((len(row[0]) for row in records["Options"] + records["Common options"]), default=0)
+        for title, rows in records.items():
             if rows:
                 with formatter.section(title):
                     formatter.write_dl([(row[0].ljust(min(width, 28)), row[1]) for row in rows])

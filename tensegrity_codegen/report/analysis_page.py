@@ -99,45 +99,48 @@ def _singular_values(analysis: Analysis) -> Section:
         "number", "singular value / largest", series, log_y=True,
         horizontal=((rank.tolerance, "tolerance"),),
     )  # fmt: skip
-    text = f"rank {rank.rank} of {rank.largest_rank}"
+    claim = f"rank {rank.rank} of {rank.largest_rank}"
     caption = "Singular values of the equilibrium matrix; those below the rounding error are drawn at it."
     blocks = (
-        (diagram_figure("singular", diagram, caption, f"Singular values: {text}"),) if len(values) else ()
+        (diagram_figure("singular", diagram, caption, f"Singular values: {claim}"),) if len(values) else ()
     )
-    return Section("singular-values", "", "Singular values", "plain", text, blocks)
+    return Section("singular-values", "", "Singular values", "plain", claim, blocks)
 
 
 def _prestress(analysis: Analysis, structure: Structure) -> Section:
     selfstress, loaded = analysis.prestress, analysis.load_prestress
     if selfstress.is_found and not math.isinf(selfstress.least_tension):
-        text, tension = "self-stress with every cable in tension; the largest force is 1", selfstress.tension
+        claim, tension = (
+            "self-stress with every cable in tension; the largest force is 1",
+            selfstress.tension,
+        )
     elif loaded is not None and loaded.is_found:
-        text, tension = "tensions under the loads", loaded.tension
+        claim, tension = "tensions under the loads", loaded.tension
     elif math.isinf(selfstress.least_tension):
-        text, tension = "no member needs to be in tension", selfstress.tension
+        claim, tension = "no member needs to be in tension", selfstress.tension
     else:
-        text, tension = "no prestress exists; the present tensions are shown", analysis.member_tension
+        claim, tension = "no prestress exists; the present tensions are shown", analysis.member_tension
         if not analysis.is_balanced:
-            text += f", which are not in balance: up to {format_short(analysis.residual)} N are missing"
+            claim += f", which are not in balance: up to {format_short(analysis.residual)} N are missing"
     unit = "member tension / largest force" if tension is selfstress.tension else "member tension [N]"
     # Tensions of all that is drawn; those of the edges of bodies are unknown
     picture = draw_tensions(structure, analysis.node_position, pad_tension(tension, structure), unit)
     figure = Figure(
         draw_picture(picture, "prestress"),
-        as_sentence(text),
-        f"The structure, {text}",
+        as_sentence(claim),
+        f"The structure, {claim}",
         {"tension": tension.tolist()},
     )
-    return Section("prestress", "", "Prestress", "plain", text, (figure,))
+    return Section("prestress", "", "Prestress", "plain", claim, (figure,))
 
 
 def _proof(analysis: Analysis, structure: Structure, member_name: tuple[str, ...]) -> Iterator[Section]:
     proof, motion = analysis.certificate, analysis.certificate_displacement
     if proof is None or motion is None or not proof.is_verified:
         return
-    text = f"{len(proof.shortening)} cables shorten, no cable lengthens, no bar changes its length"
+    claim = f"{len(proof.shortening)} cables shorten, no cable lengthens, no bar changes its length"
     picture = draw_picture(draw_motion(structure, analysis.node_position, motion), "proof")
-    figure = Figure(picture, f"The motion, enlarged: {text}.", text, {"displacement": motion.tolist()})
+    figure = Figure(picture, f"The motion, enlarged: {claim}.", claim, {"displacement": motion.tolist()})
     axes = structure.axes
     columns = (Column("node", numeric=False), *(Column("xyz"[axis]) for axis in axes))
     rows = tuple(
@@ -152,7 +155,7 @@ def _proof(analysis: Analysis, structure: Structure, member_name: tuple[str, ...
         "self-stress does none: so there is no such self-stress."
     )
     title = "Why no self-stress keeps every cable in tension"
-    yield Section("proof", "", title, "plain", text, (why, figure, moved, lengths))
+    yield Section("proof", "", title, "plain", claim, (why, figure, moved, lengths))
 
 
 def tabulate_elongation(proof: Certificate, member_name: Sequence[str], spec: str) -> Table:
@@ -205,12 +208,12 @@ def align_motions(motion: FloatArray, value: FloatArray) -> FloatArray:
 def _mechanisms(analysis: Analysis, structure: Structure, motions: FloatArray) -> Iterator[Section]:
     count = analysis.n_mechanisms
     if count:
-        text = f"{count} motion{'s' * (count > 1)} that change{'s' * (count == 1)} no length to first order"
+        claim = f"{count} motion{'s' * (count > 1)} that change{'s' * (count == 1)} no length to first order"
         figures = tuple(
             _motion_figure(structure, analysis, motions, k, f"mechanism{k + 1}", f"Mechanism {k + 1}.")
             for k in range(min(count, MAX_MECHANISMS))
         )
-        yield Section("mechanisms", "", "Mechanisms", "plain", text, figures)
+        yield Section("mechanisms", "", "Mechanisms", "plain", claim, figures)
 
 
 def _modes(analysis: Analysis, structure: Structure, motions: FloatArray) -> Iterator[Section]:
@@ -218,15 +221,15 @@ def _modes(analysis: Analysis, structure: Structure, motions: FloatArray) -> Ite
     if modes is None or not len(modes.frequency):
         return
     figures = []
-    first = min(analysis.n_mechanisms, MAX_MECHANISMS)
+    offset = min(analysis.n_mechanisms, MAX_MECHANISMS)
     for k in range(min(len(modes.frequency), MAX_MODES)):
         caption = f"Mode {k + 1}: {modes.frequency[k]:.5g} Hz."
         if modes.growth_rate[k]:
             caption = f"Mode {k + 1}: unstable, grows by {modes.growth_rate[k]:.4g} 1/s."
-        figures.append(_motion_figure(structure, analysis, motions, first + k, f"mode{k + 1}", caption))
-    text = f"{len(figures)} of {modes.n_total} modes drawn"
+        figures.append(_motion_figure(structure, analysis, motions, offset + k, f"mode{k + 1}", caption))
+    claim = f"{len(figures)} of {modes.n_total} modes drawn"
     if not analysis.is_balanced:
-        text += "; the forces are not in balance here, so these are no oscillations about an equilibrium"
+        claim += "; the forces are not in balance here, so these are no oscillations about an equilibrium"
     columns = (Column("mode"), Column("frequency", "Hz"), Column("growth", "1/s"))
     rows = tuple(
         (
@@ -238,7 +241,7 @@ def _modes(analysis: Analysis, structure: Structure, motions: FloatArray) -> Ite
     )
     table = Table("Natural frequencies", columns, rows)
     name = "Natural frequencies at the present tensions"
-    yield Section("modes", "", name, "plain", text, (*figures, table))
+    yield Section("modes", "", name, "plain", claim, (*figures, table))
 
 
 def _motion_figure(
@@ -264,15 +267,15 @@ def _members(analysis: Analysis, member_name: tuple[str, ...]) -> Section:
         )
         for e, name in enumerate(member_name)
     )
-    text, head = "no limits are stated", ()
+    claim, head = "no limits are stated", ()
     if members.worst is not None:
         member, limit, use = members.worst
-        text = f"nearest to a limit: {member}, {LIMIT_NAMES[limit]}, {100 * use:.3g} % used"
+        claim = f"nearest to a limit: {member}, {LIMIT_NAMES[limit]}, {100 * use:.3g} % used"
         uses = np.nan_to_num([members.use[name][:count] for name in MEMBER_CHECKS]).max(axis=0)
         head = tuple(np.argsort(-uses, kind="stable")[:8].tolist())
     note = "the nearest to a limit" if head else ""
     table = Table("Members at the present tensions", tuple(columns), rows, head=head, head_note=note)
-    return Section("members", "", "Members", "plain", text, (table,))
+    return Section("members", "", "Members", "plain", claim, (table,))
 
 
 def _cell(value: float, spec: str) -> Cell:

@@ -78,12 +78,12 @@ def _path(
     moved = 1000 * (position - position[0])
     moved[:, structure.is_corner] = 0.0
     node, axis = np.unravel_index(int(np.abs(moved).max(axis=0).argmax()), moved.shape[1:])
-    place = moved[:, node, axis]
-    series = [Series("", place, path.load_factor, marker="" if len(place) > 1 else "o")]
+    displaced = moved[:, node, axis]
+    series = [Series("", displaced, path.load_factor, marker="" if len(displaced) > 1 else "o")]
     for k, kind in enumerate(dict.fromkeys(event.kind for event in events), start=1):
         points = [event.point for event in events if event.kind == kind]
         factor = [event.load_factor for event in events if event.kind == kind]
-        series.append(Series(kind, place[points], factor, "points", k, MARKERS[k % len(MARKERS)]))
+        series.append(Series(kind, displaced[points], factor, "points", k, MARKERS[k % len(MARKERS)]))
     name = structure.node_name[node]
     label = f"displacement of {name} along {'xyz'[axis]} [mm]"
     caption = f"Load factor over the displacement of {name}, the node that moves most; marks: events."
@@ -114,8 +114,8 @@ def _shapes(
     drawn = pad_tension(tension, structure)
     figures = []
     for row in rows:
-        words = filter(None, ("start" * (row == 0), at.get(row, ""), "end" * (row == last)))
-        caption = f"Load factor {format_short(float(path.load_factor[row]), 5)}: {', '.join(words)}."
+        labels = filter(None, ("start" * (row == 0), at.get(row, ""), "end" * (row == last)))
+        caption = f"Load factor {format_short(float(path.load_factor[row]), 5)}: {', '.join(labels)}."
         picture = draw_tensions(
             structure, position[row], drawn[row], "member tension [N]",
             among=(position[rows], drawn[rows]), shadow=position[0] if row else None,

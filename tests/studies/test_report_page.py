@@ -208,7 +208,7 @@ def test_the_runs_that_none_beats_are_visible_and_all_are_folded(
 def test_a_method_has_one_colour_in_all_diagrams(page: Page) -> None:
     figures = [b for s in page.chapters[0].sections for b in s.blocks if isinstance(b, Figure)]
     names = [[series["name"] for series in figure.data["series"]] for figure in figures]
-    assert names[1] == ["ours, the fastest of all", *PROGRAMS]
+    assert names[0] == ["ours, the fastest of all", *PROGRAMS]
     assert names[2:] == [list(OURS["node_position"]), list(OURS["node_distance"])]
     for figure in figures[2:]:
         for color in (2, 0):  # rk54, rk853

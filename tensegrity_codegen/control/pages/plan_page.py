@@ -65,9 +65,9 @@ def build_plan_page(plan: PlanResult, structure: Structure, limits: Limits, comm
 
 def _shapes(plan: PlanResult, structure: Structure) -> Section:
     """Return the shape at the end, which stands beside the heading, and some before it, equally spaced."""
-    wanted = plan.progress[-1] * np.linspace(0.0, 1.0, N_SHAPES)
-    near = np.abs(plan.progress[:, None] - wanted).argmin(axis=0)
-    rows = [plan.n_steps, *np.unique(near[near < plan.n_steps]).tolist()]
+    fractions = plan.progress[-1] * np.linspace(0.0, 1.0, N_SHAPES)
+    nearest = np.abs(plan.progress[:, None] - fractions).argmin(axis=0)
+    rows = [plan.n_steps, *np.unique(nearest[nearest < plan.n_steps]).tolist()]
     drawn = pad_tension(plan.member_tension, structure)
     among = (plan.node_position[rows], drawn[rows])
     figures = []

@@ -320,24 +320,24 @@ SHORT = re.compile("[\\d.]+e[-+]\\d+(?:\N{NO-BREAK SPACE}\\w+)?|--[a-z][a-z-]+")
 
 def render_page(page: Page) -> str:
     """Return the page as HTML; all its words are escaped, only SVG pictures are taken as they are."""
-    opening, rest = lift_figure(page)
+    opening, remaining = lift_figure(page)
     settings = {"theme": THEME, "hint_widths": HINT_WIDTHS, "opening": opening}
-    return html_template("pages", "page.html.j2", rich=_enrich).render(page=rest, **settings)
+    return html_template("pages", "page.html.j2", rich=_enrich).render(page=remaining, **settings)
 
 
 def lift_figure(page: Page) -> tuple[Figure | None, Page]:
     """Return the figure beside the heading, the first one of no paper, and the page without it."""
-    parts = [section for chapter in page.chapters for section in chapter.sections if not section.source]
-    found = next((block for part in parts for block in part.blocks if isinstance(block, Figure)), None)
+    unprinted = [section for chapter in page.chapters for section in chapter.sections if not section.source]
+    figure = next((block for part in unprinted for block in part.blocks if isinstance(block, Figure)), None)
 
     def leave(sections: tuple[Section, ...]) -> Iterator[Section]:
         for section in sections:
-            blocks = tuple(block for block in section.blocks if block is not found)
+            blocks = tuple(block for block in section.blocks if block is not figure)
             if blocks or not section.blocks:
                 yield replace(section, blocks=blocks)
 
     chapters = tuple(replace(chapter, sections=tuple(leave(chapter.sections))) for chapter in page.chapters)
-    return found, replace(page, chapters=chapters)
+    return figure, replace(page, chapters=chapters)
 
 
 def write_page(page: Page, path: Path, *, overwrite: bool) -> None:

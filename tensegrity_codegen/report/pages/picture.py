@@ -218,8 +218,8 @@ def draw_motion(
     among (n_nodes, 3, n): displacements that pictures of the same view and scale show.
     """
     motions = np.moveaxis(motion[..., None] if among is None else among, -1, 0)
-    moved, *others = (position + _enlarge(shown, position) for shown in (motion, *motions))
-    figure, axes, view = _new_panel(structure, np.stack([position, *others]), position, with_bar=False)
+    moved, *shifted = (position + _enlarge(shown, position) for shown in (motion, *motions))
+    figure, axes, view = _new_panel(structure, np.stack([position, *shifted]), position, with_bar=False)
     _add_shadow(axes, view.project(position)[0][structure.strands.ends])
     drawing = StructureDrawing(axes, structure, view)
     drawing.show(moved, np.ones(structure.n_members))  # no cable is shown as slack

@@ -131,8 +131,8 @@ def _advice(report: SceneReport, anchor: str) -> Section:
     verb = f"tensegrity-codegen simulate {report.problem.structure.name}.toml "
     runs: dict[str, list[str]] = {}
     for run in dict.fromkeys(map(report.describe_simulation, chosen)):
-        words, _, keys = run.partition(", with ")
-        runs.setdefault(f"# {keys}", []).append(verb + words.removeprefix("simulate "))
+        options, _, keys = run.partition(", with ")
+        runs.setdefault(f"# {keys}", []).append(verb + options.removeprefix("simulate "))
     commands = "\n".join("\n".join([keys, *lines]) for keys, lines in runs.items())
     same: list[Block] = [Paragraph("These commands repeat the runs:"), Command(commands)] if runs else []
     return Section(f"{anchor}-advice", "", "What to use", "plain", result, (table, *same))
