@@ -2,10 +2,12 @@
 
 import { THREE } from "three";
 import { supportSize } from "live/meshes";
+import { roundUp } from "live/numbers";
 import { arrow, repeat } from "live/shapes";
 import { ARROW_FRAGMENT, ARROW_VERTEX } from "live/shaders";
 
 const LONGEST = 0.24;
+const UPRIGHT = 0.7; // part of a force along the upward axis from which its arrow passes the mark of a support
 const ROW = 512; // arrows of one row of the texture
 
 /** meshes: those of the structure, whose bars are thicker than arrows. */
@@ -36,35 +38,62 @@ export function buildArrows(model, meshes) {
   mesh.frustumCulled = false;
   const support = 1.1 * supportSize(model);
   const longest = LONGEST * crowd * model.size;
-  const scale = Math.min(scaleOf(longest, largestLoad(model, loaded)), scaleOf(longest, model.scene.largest_reaction));
-  const put = (nodes, place, node, force, first, factor, gap) => {
-    let size = 0;
+  const forces = { load: largestLoad(model, loaded), reaction: model.held.length ? model.scene.largest_reaction : 0 };
+  const most = Math.max(forces.load, forces.reaction);
+  const scale = most > 0 ? 1 / roundUp(most / longest) : 0; // metres of 1 N
+  const beside = neighboursOf(model);
+  const { up } = model.scene;
+  /** An arrow that pushes its node against its members ends there, one that pulls starts there: both stand outside. */
+  const put = (nodes, place, node, force, first, mark) => {
+    const vector = [0, 1, 2].map((c) => (Number.isFinite(force[first + c]) ? scale * force[first + c] : 0));
+    const size = Math.hypot(...vector) || 1;
+    const pushes = dot(vector, inward(nodes, node, beside[node])) > 0;
+    const gap = Math.abs(dot(vector, up)) > UPRIGHT * size ? mark : 0.012 * model.size;
+    const from = pushes ? -1 - gap / size : gap / size;
     for (let c = 0; c < 3; c++) {
-      const value = factor * force[first + c];
-      rows[8 * place + 4 + c] = Number.isFinite(value) ? value : 0;
-      size += rows[8 * place + 4 + c] ** 2;
+      rows[8 * place + c] = nodes[3 * node + c] + from * vector[c];
+      rows[8 * place + 4 + c] = vector[c];
     }
-    const away = 1 + gap / (Math.sqrt(size) || 1);
-    for (let c = 0; c < 3; c++) rows[8 * place + c] = nodes[3 * node + c] - away * rows[8 * place + 4 + c];
   };
   return {
     mesh,
-    points: () => Array.from({ length: count }, (_, k) => Array.from(rows.subarray(8 * k, 8 * k + 3))).flat(),
+    forces, scale,
+    /** Where arrows start and end. */
+    points: () => Array.from({ length: count }, (_, k) => [0, 1].flatMap((end) => [0, 1, 2].map((c) => rows[8 * k + c] + end * rows[8 * k + 4 + c]))).flat(),
     hasLoads: loaded.length > 0, hasReactions: model.held.length > 0,
     color(palette) {
       uniforms.loadColor.value.set(...palette.load.map((value) => value / 255));
       uniforms.reactionColor.value.set(...palette.reaction.map((value) => value / 255));
     },
-    /** A load ends at its node, a reaction too: both push the node from outside. */
     show(state) {
-      loaded.forEach((node, k) => put(state.nodes, k, node, model.load, 3 * node, scale, 0.012 * model.size));
-      model.held.forEach((node, k) => put(state.nodes, loaded.length + k, node, state.reaction, 3 * k, scale, support));
+      loaded.forEach((node, k) => put(state.nodes, k, node, model.load, 3 * node, 0.012 * model.size));
+      model.held.forEach((node, k) => put(state.nodes, loaded.length + k, node, state.reaction, 3 * k, support));
       texture.needsUpdate = true;
     },
   };
 }
 
-const scaleOf = (length, largest) => (largest > 0 ? length / largest : Infinity);
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+
+function neighboursOf({ nodeCount, memberCount, ends }) {
+  const beside = Array.from({ length: nodeCount }, () => []);
+  for (let e = 0; e < memberCount; e++) {
+    beside[ends[2 * e]].push(ends[2 * e + 1]);
+    beside[ends[2 * e + 1]].push(ends[2 * e]);
+  }
+  return beside;
+}
+
+/** The sum of the directions from a node along its members. */
+function inward(nodes, node, others) {
+  const sum = [0, 0, 0];
+  for (const other of others) {
+    const along = [0, 1, 2].map((c) => nodes[3 * other + c] - nodes[3 * node + c]);
+    const length = Math.hypot(...along) || 1;
+    for (let c = 0; c < 3; c++) sum[c] += along[c] / length;
+  }
+  return sum;
+}
 
 function largestLoad(model, loaded) {
   if (model.scene.largest_load !== undefined) return model.scene.largest_load;

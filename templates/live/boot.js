@@ -27,7 +27,9 @@
   const scene = JSON.parse(document.getElementById("scene").textContent);
   const { start } = await import("live/main");
   await start(scene, buffers);
+  requestAnimationFrame(() => document.getElementById("loading").remove()); // after the first picture
 })().catch((error) => {
+  document.getElementById("loading")?.remove();
   const place = document.getElementById("failure");
   place.hidden = false;
   place.textContent = `This page cannot be shown: ${error.message}. It needs WebGL 2 and a browser of 2023 or newer.`;

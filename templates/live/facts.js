@@ -1,6 +1,9 @@
 // What is said of a member or a node: rows of a name and a value.
 
-import { short, withUnit } from "live/numbers";
+import { prefixOf, short, withUnit } from "live/numbers";
+
+/** The force in whose unit loads and reactions are written [N]: the end of the scale. */
+const largestForce = ({ peak, scene }) => peak.reduce((most, force) => Math.max(most, force), 0) || scene.largest_load;
 
 /** Rows about a member at the shown moment. */
 export function memberFacts(model, state, e) {
@@ -23,13 +26,14 @@ export function memberFacts(model, state, e) {
 export function nodeFacts(model, state, k) {
   const place = [0, 1, 2].map((axis) => state.nodes[3 * k + axis] + model.origin[axis]);
   const rows = ["x", "y", "z"].map((axis, c) => [axis, withUnit(place[c], "m", 6)]);
-  const vector = (values) => Array.from(values, (value) => short(value)).join(", ");
+  const [size, prefix] = prefixOf(largestForce(model));
+  const vector = (values) => Array.from(values, (value) => short(value / size)).join(", ");
   const load = model.load.slice(3 * k, 3 * k + 3);
-  if (load.some((value) => value !== 0)) rows.push(["load [N]", vector(load)]);
+  if (load.some((value) => value !== 0)) rows.push([`load [${prefix}N]`, vector(load)]);
   const held = ["x", "y", "z"].filter((_, axis) => model.anchored[3 * k + axis]);
   if (held.length) rows.push(["anchored", held.join(", ")]);
   const row = model.held.indexOf(k);
-  if (row >= 0 && state.reaction) rows.push(["reaction [N]", vector(state.reaction.slice(3 * row, 3 * row + 3))]);
+  if (row >= 0 && state.reaction) rows.push([`reaction [${prefix}N]`, vector(state.reaction.slice(3 * row, 3 * row + 3))]);
   return rows;
 }
 

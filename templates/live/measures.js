@@ -13,7 +13,7 @@ const LETTERS = [
   [-1, 1, 1, 1, 1, 1, -1, -1, -1, -1, 1, -1],
 ];
 
-export function showMeasures({ stage, model }) {
+export function showMeasures({ stage, model, arrows, colorings }) {
   const axes = buildAxes(model);
   stage.scene.add(axes);
   stage.resized.push(() => axes.material.uniforms.size.value.set(stage.width, stage.height));
@@ -25,7 +25,8 @@ export function showMeasures({ stage, model }) {
     shown = pixel;
     const length = roundUp(SHORTEST * pixel);
     bar.style.width = `${Math.round(length / pixel)}px`;
-    const words = withUnit(length, "m");
+    const force = arrows?.scale ? `, arrows ${withUnit(length / arrows.scale, "N", 3, colorings.tension.limit || undefined)}` : "";
+    const words = withUnit(length, "m") + force;
     if (text.textContent !== words) text.textContent = words;
   });
   return axes;

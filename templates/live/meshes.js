@@ -9,7 +9,7 @@ import * as glsl from "live/shaders";
 const FINENESS = [[24, 20, 6], [100, 14, 4], [600, 10, 3], [Infinity, 8, 2]];
 const SIMPLER = 1500; // members of a kind from which simpler shapes stand for them while a slow picture moves
 const THIN = [1.5, 4]; // pixels of radius below which a line stands for a cable, a ribbon for a bar
-const THINNEST = 0.75; // pixels, half of what a member has at least
+const THINNEST = 1; // pixels, half of what a member has at least
 const CROWD = 400; // members above which bars need no more than cables, and thin cables fade: many would make patterns
 const FADED = 0.6; // of its colour that the thinnest cable keeps
 const SHADOWS = 600; // members up to which shadows are drawn
@@ -106,13 +106,13 @@ export function buildMeshes(model, textures) {
       nodeUniforms.fill.value.set(...unit(palette.node));
       nodeUniforms.rim.value.set(...unit(palette.isDark ? palette.paper : palette.ink));
       if (!supports) return;
-      supports.uniforms.fill.value.set(...unit(palette.muted));
-      supports.uniforms.partly.value.set(...unit(palette.grid));
+      supports.uniforms.fill.value.set(...unit(palette.support));
+      supports.uniforms.partly.value.set(...unit(palette.partly));
     },
     /** pixelSize: metres of one pixel at a distance of 1 m; pixels: its inverse on the drawing buffer. */
     resize(pixelSize, pixels) {
       shared.least.value = THINNEST * pixelSize;
-      shared.leastBar.value = (model.memberCount > CROWD ? 1 : 2) * THINNEST * pixelSize;
+      shared.leastBar.value = (model.memberCount > CROWD ? 1 : 1.5) * THINNEST * pixelSize;
       rim.growth.value = RIM * pixelSize;
       nodeUniforms.pixels.value = pixels;
     },

@@ -3,14 +3,20 @@
 const FLAT = 1e-9; // part of the values below which a range has no ticks of its own
 const PREFIXES = [[1e9, "G"], [1e6, "M"], [1e3, "k"], [1, ""], [1e-3, "m"], [1e-6, "µ"], [1e-9, "n"], [1e-12, "p"]];
 
-/** Return a number with a unit, its prefix chosen by size: 0.0123 m -> "12.3 mm". */
-export function withUnit(value, unit, digits = 3) {
+/** Return a number with a unit, its prefix chosen by its size, or that of `like`: 0.0123 m -> "12.3 mm". */
+export function withUnit(value, unit, digits = 3, like = value) {
   if (Number.isNaN(value)) return "unknown";
   if (!unit) return short(value, digits);
   if (!Number.isFinite(value) || value === 0) return `${value} ${unit}`;
-  if (Math.abs(value) >= 1e12) return `${short(value, digits)} ${unit}`;
-  const [size, prefix] = PREFIXES.find(([least]) => Math.abs(value) >= 0.9995 * least) ?? PREFIXES.at(-1);
+  const [size, prefix] = prefixOf(like);
   return `${short(value / size, digits)} ${prefix}${unit}`;
+}
+
+/** Return size and letter of the prefix of a number. */
+export function prefixOf(value) {
+  const size = Math.abs(value);
+  if (!size || size >= 1e12) return [1, ""];
+  return PREFIXES.find(([least]) => size >= 0.9995 * least) ?? PREFIXES.at(-1);
 }
 
 /** Return a number with so many significant digits, without an exponent where it is short. */

@@ -21,9 +21,9 @@ function table(anchors) {
 const CIVIDIS = ["#00224e", "#123570", "#3b496c", "#575d6d", "#707173", "#8a8678", "#a59c74", "#c3b369", "#e1cc55", "#fee838"];
 const SCALES = {
   light: {
-    diverging: table(["#07305f", "#1f78b4", "#b4b9be", "#e8772e", "#8c2d04"]),
-    onesided: table(["#b4b9be", "#e8772e", "#8c2d04"]),
-    sequential: table(CIVIDIS),
+    diverging: table(["#07305f", "#1f78b4", "#8f969e", "#e8772e", "#8c2d04"]),
+    onesided: table(["#8f969e", "#e8772e", "#8c2d04"]),
+    sequential: table([...CIVIDIS.slice(0, 5), "#85804f", "#9a8400"]), // visible on white to its end
   },
   dark: {
     diverging: table(["#9fd3ff", "#3f93d2", "#6f7780", "#ef8a45", "#ffd0a3"]),
@@ -32,10 +32,12 @@ const SCALES = {
   },
 };
 const FIXED = {
-  light: { bar: "#33506e", body: "#4d6480", cable: "#d55e00", slack: "#8c949c", unknown: "#d8b93c", over: "#cc2f7b", ink: "#1f2933",
-    paper: "#ffffff", grid: "#d9dee3", node: "#f4f6f8", muted: "#5c6670", load: "#b0478a", reaction: "#00805c", shadow: "#e9ecef" },
+  light: { bar: "#33506e", body: "#4d6480", cable: "#d55e00", slack: "#8c949c", unknown: "#a8890b", over: "#cc2f7b", ink: "#1f2933",
+    paper: "#ffffff", grid: "#d9dee3", node: "#f4f6f8", muted: "#5c6670", support: "#5c6670", partly: "#7f8891",
+    load: "#b0478a", reaction: "#00805c", shadow: "#e9ecef" },
   dark: { bar: "#a9bfd6", body: "#8fa6c0", cable: "#f28e45", slack: "#7d8791", unknown: "#f2e2a0", over: "#ff6db3", ink: "#e6eaee",
-    paper: "#14181d", grid: "#333c46", node: "#dfe5ea", muted: "#a3adb8", load: "#e3a0c6", reaction: "#34c99c", shadow: "#0b0e11" },
+    paper: "#14181d", grid: "#333c46", node: "#dfe5ea", muted: "#a3adb8", support: "#d3dae1", partly: "#a9b3bd",
+    load: "#e3a0c6", reaction: "#34c99c", shadow: "#0b0e11" },
 };
 const LINES = {
   light: ["#0072b2", "#d55e00", "#009e73", "#9a5cf5", "#86301b", "#3e4b60"],

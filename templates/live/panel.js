@@ -95,9 +95,12 @@ export function showScale(app) {
   if (app.hasSlack) notes.push(["slack", "slack cable", true]);
   if (app.hasUnknown && coloring.scale) notes.push(["unknown", coloring.unit ? "not known" : "no limit, or not known"]);
   if (app.coloringName === "use") notes.push(["over", "above its limit"]);
-  if (app.arrows?.hasLoads) notes.push(["load", "load"]);
-  const { largest_reaction: largest, unknown_reactions: lacking } = app.model.scene;
-  if (app.arrows?.hasReactions && largest > 0) notes.push(["reaction", lacking ? `reaction, ${lacking} unknown` : "reaction"]);
+  const { unknown_reactions: lacking } = app.model.scene;
+  const forces = app.arrows?.forces ?? { load: 0, reaction: 0 };
+  const like = app.colorings.tension.limit || Math.max(forces.load, forces.reaction);
+  const upTo = (force) => `up to ${withUnit(force, "N", 3, like)}`;
+  if (app.arrows?.hasLoads) notes.push(["load", forces.load > 0 ? `load ${upTo(forces.load)}` : "load"]);
+  if (forces.reaction > 0) notes.push(["reaction", `reaction ${upTo(forces.reaction)}${lacking ? `, ${lacking} unknown` : ""}`]);
   else if (app.arrows?.hasReactions && lacking) notes.push(["none", `reactions unknown (${lacking})`]);
   byId("keys").replaceChildren(...notes.map(([color, text, dashed]) => {
     const row = document.createElement("li");

@@ -22,13 +22,14 @@ export function buildPlot(canvas, legend, { times, unit, describe, seek }) {
   /** Move the cursor, which is no part of the drawing: nothing is drawn again. */
   plot.point = (time) => {
     plot.cursor = time;
+    mark.hidden = times.length < 2;
     if (plot.width) mark.style.transform = `translateX(${placeOf(plot, time).toFixed(1)}px)`;
   };
   /** Write the values of sample `k` into the legend. */
   plot.writeValues = (k) => {
     plot.series.forEach((line, row) => {
       const place = legend.children[row]?.lastElementChild;
-      const text = withUnit(line.values[k], unit);
+      const text = write(plot, line.values[k], unit);
       if (place && place.textContent !== text) place.textContent = text;
     });
   };
@@ -98,7 +99,13 @@ function drawPlot(plot, unit) {
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   pen.clearRect(0, 0, width, height);
   pen.font = FONT;
-  const widths = ticksBetween(range[0], range[1], 6).map((value) => pen.measureText(withUnit(value, unit)).width);
+  if (times.length < 2) {
+    pen.fillStyle = palette.css.muted;
+    pen.textAlign = "center";
+    pen.fillText("lines over time come with the run", width / 2, height / 2);
+    return;
+  }
+  const widths = ticksBetween(range[0], range[1], 6).map((value) => pen.measureText(write(plot, value, unit)).width);
   plot.left = Math.max(MARGIN.left, Math.ceil(Math.max(...widths)) + 9);
   const x = (time) => placeOf(plot, time);
   const y = (value) => height - MARGIN.bottom - ((value - range[0]) / (range[1] - range[0])) * (height - MARGIN.top - MARGIN.bottom);
@@ -106,7 +113,11 @@ function drawPlot(plot, unit) {
   for (const line of series) strokeLine(pen, line, times, x, y);
 }
 
-function drawAxes(pen, { palette, range, times, left }, { x, y, width, height, unit }) {
+/** A value in the unit that suits the whole diagram. */
+const write = ({ range }, value, unit) => withUnit(value, unit, 3, Math.max(...range.map(Math.abs)));
+
+function drawAxes(pen, plot, { x, y, width, height, unit }) {
+  const { palette, range, times, left } = plot;
   pen.fillStyle = palette.css.muted;
   pen.strokeStyle = palette.css.grid;
   pen.lineWidth = 1;
@@ -117,7 +128,7 @@ function drawAxes(pen, { palette, range, times, left }, { x, y, width, height, u
     pen.moveTo(left, y(value));
     pen.lineTo(width - MARGIN.right, y(value));
     pen.stroke();
-    pen.fillText(withUnit(value, unit), left - 5, y(value));
+    pen.fillText(write(plot, value, unit), left - 5, y(value));
   }
   pen.textBaseline = "top";
   const ticks = ticksBetween(times[0], times.at(-1), Math.max(2, width / 90));

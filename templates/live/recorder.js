@@ -37,11 +37,9 @@ export function buildRecorder(app) {
   };
   const recorder = {
     add(state) {
-      if (state.time <= times.at(-1) && times.length > 1) {
-        if (state.time === times.at(-1)) return;
-        for (const list of [times, ...Object.values(rows), tensions]) list.length = 0;
-      }
       if (!rows.kinetic.length) times.length = 0;
+      // Back to the start, or the same moment with other values
+      while (times.length && state.time <= times.at(-1)) for (const list of [times, ...Object.values(rows), tensions]) list.pop();
       recorder.largest = Math.max(recorder.largest ?? 0, Math.abs(state.total));
       recorder.start ??= state.total - state.kinetic;
       times.push(state.time);
@@ -52,7 +50,6 @@ export function buildRecorder(app) {
       while (state.time - times[0] > SPAN) for (const list of [times, ...Object.values(rows), tensions]) list.shift();
     },
     show() {
-      if (times.length < 2) return;
       series();
       for (const plot of [energy, tension]) {
         plot.set(plot.series, plot === energy ? ROUNDING * recorder.largest : 0);

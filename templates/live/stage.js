@@ -5,8 +5,7 @@ import { roundUp } from "live/numbers";
 
 const FIELD = 35; // degrees of the view, from bottom to top
 const FLAT_FIELD = 0.1; // of a parallel projection: from so far away that lines stay parallel to a pixel
-const BELOW = 52; // pixels at the lower edge that the picture leaves free
-const NARROW = 800; // pixels of width below which it leaves the heights of legend and buttons free
+const NARROW = 800; // pixels of width below which the picture leaves the height of the buttons free, too
 const PICTURE = 0.5; // part of the height that it has at least
 const MANY = 1000; // members from which edges are not smoothed
 const SLOW = 34; // ms of a frame above which simpler shapes, then fewer pixels are drawn
@@ -90,15 +89,15 @@ function fit(stage, structure, view) {
   const up = new THREE.Vector3().crossVectors(direction, right);
   const tanY = Math.tan((camera.fov * Math.PI) / 360);
   const tanX = tanY * camera.aspect;
+  const seen = { right, up, direction, axis: camera.up, tanX, tanY: tanY / stage.room }; // free of legend and buttons
   const reachOf = model.scene.is_planar ? standing : turning;
   let distance = 0;
   for (let k = 0; k < nodes.length; k += 3) {
     point.set(nodes[k], nodes[k + 1], nodes[k + 2]).sub(center);
-    distance = Math.max(distance, reachOf(point, { right, up, direction, axis: camera.up, tanX, tanY }));
+    distance = Math.max(distance, reachOf(point, seen));
   }
-  const { room } = stage;
   const away = Math.tan((FIELD * Math.PI) / 360) / tanY; // how many times farther a parallel projection stands
-  distance = Math.max((model.scene.is_planar ? 1.16 : 1.08) * room * distance, 0.2 * away * model.size);
+  distance = Math.max((model.scene.is_planar ? 1.16 : 1.08) * distance, 0.2 * away * model.size);
   stage.far = (60 * distance) / away + 10 * model.reach;
   camera.position.copy(center).addScaledVector(direction, distance);
   controls.target.copy(center);
@@ -167,7 +166,7 @@ function resize(stage) {
   renderer.setSize(width, height, false);
   camera.aspect = width / height;
   const heightOf = (id) => document.getElementById(id).offsetHeight + 12;
-  const [above, below] = width < NARROW ? [heightOf("camera"), heightOf("legend")] : [0, BELOW];
+  const [above, below] = [width < NARROW ? heightOf("camera") : 0, heightOf("legend")];
   const part = Math.min(1, ((1 - PICTURE) * height) / (above + below));
   stage.room = height / (height - part * (above + below));
   camera.setViewOffset(width, height, 0, (part * (below - above)) / 2, width, height);

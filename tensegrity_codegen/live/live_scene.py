@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.report.loads import compute_loads, compute_reactions
 from tensegrity_codegen.report.pictures.draw import outline_motion, pad_tension
-from tensegrity_codegen.report.pictures.shown import find_rest_tension
+from tensegrity_codegen.report.pictures.shown import find_imbalance, find_rest_tension
 from tensegrity_codegen.report.pictures.view import (
     NAMED_VIEWS,
     Direction,
@@ -203,6 +203,7 @@ def build_live_scene(
 ) -> LiveScene:
     """Return the content of a page of a structure."""
     structure = outline_bodies(subject)
+    lacking = find_imbalance(subject) if motion is None and tension is None else None
     if motion is None:
         time, position = np.zeros(1), structure.node_position[None]
         tensions = find_rest_tension(subject, rigid) if tension is None else pad_tension(tension, structure)
@@ -223,7 +224,8 @@ def build_live_scene(
     uses = compute_uses(subject, structure, position, tension)
     # Each strand of a cable through rings is a line of its own
     structure = hide_edges(structure)
-    headline, is_whole = _headline(structure, motion), structure.strands.is_plain and not structure.bodies
+    headline = _headline(structure, motion) + (f"; not in balance at {lacking[0]}" if lacking else "")
+    is_whole = structure.strands.is_plain and not structure.bodies
     strands, structure = structure.strands, split_at_rings(structure)
     tension = strands.spread(tension[:, : strands.n_members])
     channels = _pack_structure(structure) | {
@@ -338,7 +340,7 @@ def _headline(structure: Structure, motion: Trajectory | None) -> str:
     bars, n_nodes = int(structure.is_bar.sum()), int((~structure.is_corner).sum())
     counts = {"node": n_nodes, "bar": bars, "cable": structure.n_members - bars}
     clauses = [describe_count(len(structure.bodies), "body", "bodies")] if structure.bodies else []
-    clauses += [describe_count(count, noun) for noun, count in counts.items()]
+    clauses += [describe_count(count, noun) for noun, count in counts.items() if count]
     if motion is not None:
         samples = describe_count(len(motion.time), "sample")
         clauses.append(f"{motion.time[-1] - motion.time[0]:.6g} s in {samples}")

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import statistics
 from collections.abc import Iterator
 from dataclasses import replace
@@ -11,10 +12,11 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.live.live_scene import LiveStart, build_live_scene
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.report.pictures.view import Direction
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tests.cases import thorough
-from tests.live.pages import load, sway, write_page
+from tests.live.pages import GALLERY, load, sway, write_page
 from tests.report.browser import find_browser
 from tests.report.driver import Browser, Tab, running_browser
 
@@ -338,6 +340,44 @@ def test_labels_of_large_numbers_are_not_cut(browser: Browser, tmp_path: Path) -
     found = opened.ask("texts.filter(([text]) => text.endsWith('J'))")
     assert all(left >= 0 for _, left in found)
     assert any("e25 J" in text for text, _ in found)
+    opened.send("Page.close")
+
+
+def test_a_page_that_is_not_ready_yet_says_so_on_paper(browser: Browser, page: Path, tmp_path: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    waiting = tmp_path / "waiting.html"
+    waiting.write_text(text[: text.rindex("<script>")] + "</body></html>", encoding="utf-8")
+    opened = Tab(browser, 400, 700, "dark")
+    opened.open(waiting, "document.readyState === 'complete'")
+    cover = "document.elementFromPoint(200, 250)"
+    assert opened.ask(f"{cover}.innerText") == "loading …"
+    assert opened.ask(f"getComputedStyle({cover}).backgroundColor") == "rgb(20, 24, 29)"
+    opened.open(page)
+    opened.wait("document.getElementById('loading') === null")
+    opened.send("Page.close")
+
+
+def test_a_dome_has_lines_of_two_pixels_and_forces_in_one_unit_outside_of_it(
+    browser: Browser, tmp_path: Path
+) -> None:
+    dome = load_scene(GALLERY / "snow_dome.toml")[0]
+    opened = Tab(browser, 1400, 860, "light")
+    opened.open(write_page(build_live_scene(dome), tmp_path / "dome.html"))
+    pixel = "2 * Math.tan(stage.camera.fov * Math.PI / 360) / stage.height"
+    least = opened.ask(
+        f"(({{ stage, meshes }}) => 2 * meshes.shared.least.value / ({pixel}))(tensegrity.app)"
+    )
+    assert least == pytest.approx(2.0)
+    ends = np.reshape(opened.ask("tensegrity.app.arrows.points()"), (-1, 2, 3))
+    held = ends[-int(dome.node_anchored.all(axis=1).sum()) :]
+    out = np.linalg.norm(held[:, :, :2], axis=2)  # from the axis of the dome: start, end
+    assert np.all(out[:, 0] > 6.0)
+    assert np.all(out[:, 1] > out[:, 0])
+    words = opened.ask("document.getElementById('legend').innerText")
+    assert "load up to 7 kN" in words
+    assert "reaction up to 83.5 kN" in words
+    assert re.search(r"\d m, arrows \d+ kN", words)
+    assert opened.ask("document.getElementById('headline').innerText").endswith("not in balance at ht")
     opened.send("Page.close")
 
 

@@ -117,6 +117,16 @@ def test_the_page_computes_the_numbers_of_native_c(tab: Tab, method: str) -> Non
     assert np.abs(np.array(found[1]) - tension).max() < 1e-6 * np.abs(tension).max()
 
 
+def test_panels_have_the_first_values_before_the_run(tab: Tab) -> None:
+    tab.ask("tensegrity.app.restart()")
+    tab.wait("document.querySelector('#energy + .cursor').hidden")
+    for name, unit in (("energy", "J"), ("tension", "N")):
+        values = tab.ask(f"[...document.querySelectorAll('#{name}-legend b')].map(value => value.innerText)")
+        assert values
+        assert all(value.endswith(unit) for value in values)
+        assert tab.ask(f"document.querySelector('#{name} + .cursor').hidden")
+
+
 def test_pause_step_and_reset_move_the_clock(tab: Tab) -> None:
     tab.ask("tensegrity.play()")
     tab.wait("tensegrity.run.time > 0.05")
