@@ -1,5 +1,6 @@
 """Shared pieces of all shapes: their base model, their plain document, and the facet that they stand on."""
 
+import json
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -10,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, StringConstrai
 
 from tensegrity_codegen.scene.names import NAME_PATTERN
 from tensegrity_codegen.scene.shapes.selfstress import find_selfstress
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
 FLAT = 1e-9  # of the size: nodes so near to the plane of a facet are in it
@@ -28,12 +30,24 @@ def turn_onto_facet(nodes: dict[str, dict[str, Any]], names: Sequence[str], wher
     if area <= FLAT * size**2 or height.min() < -FLAT * size < FLAT * size < height.max():
         problem = "not a facet of the shape"
         allowed = "three nodes that are not on a line, with all others on one side of their plane"
-        raise InvalidValueError(problem, where=where, given=", ".join(names), allowed=allowed)
+        hint = _name_facet(position, list(nodes), names)
+        raise InvalidValueError(problem, where=where, given=", ".join(names), allowed=allowed, hint=hint)
     up = normal / area if height.max() > -height.min() else -normal / area
     x = along / np.linalg.norm(along)
     placed = (position - (corner + second + third) / 3) @ np.array([x, np.cross(up, x), up]).T
     for node, point in zip(nodes.values(), placed.tolist(), strict=True):
         node["position"] = point
+
+
+def _name_facet(position: FloatArray, nodes: Sequence[str], names: Sequence[str]) -> str:
+    """Return a facet of the hull in words, with as many of these names as any has; nothing if it is flat."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        facets = [[nodes[k] for k in sorted(facet)] for facet in ConvexHull(position).simplices]
+    except (QhullError, ValueError):
+        return ""
+    return f"on_facet = {json.dumps(max(facets, key=lambda facet: len(set(facet) & set(names))))}"
 
 
 Positive: TypeAlias = Annotated[float, Field(gt=0, allow_inf_nan=False)]

@@ -1,5 +1,6 @@
 """Shapes that stand on a facet."""
 
+import json
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,9 @@ def test_a_prism_is_laid_on_its_top() -> None:
 def test_nodes_that_are_no_facet_are_refused() -> None:
     with pytest.raises(InvalidValueError, match=r"shape\.on_facet: not a facet") as caught:
         expand_shape(BALL | {"on_facet": ["n1", "n3", "n5"]})
+    named = json.loads(caught.value.hint.partition(" = ")[2])
+    assert len({"n1", "n3", "n5"} & set(named)) == 2
+    assert min(place(BALL | {"on_facet": named})[:, 2]) == pytest.approx(0.0, abs=1e-12)
     assert caught.value.given == "n1, n3, n5"
     with pytest.raises(InvalidValueError, match="not a facet"):
         expand_shape(BALL | {"on_facet": ["n1", "n1", "n5"]})
