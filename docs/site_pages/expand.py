@@ -43,6 +43,7 @@ def _replace(mark: str, page: str) -> str:
     makers: dict[str, Callable[[], str]] = {
         "command line": write_command_line,
         "keys of scenes": write_scene_keys,
+        "number of scenes": write_count,
     }
     if mark in makers:
         return makers[mark]()
