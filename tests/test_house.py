@@ -218,7 +218,7 @@ def test_the_list_of_verbs_imports_no_package_that_computes() -> None:
 
 # Lines of Python that a room may have; who needs more changes the number in the same commit, and says why.
 MAX_LINES = {
-    "analyses": 5_550,
+    "analyses": 5_600,
     "cli": 5_350,  # bodies in `check`
     "codegen": 11_100,  # bodies beside bars
     "control": 14_200,  # policies
@@ -226,7 +226,7 @@ MAX_LINES = {
     "learning": 2_150,  # environments; derivatives
     "live": 1_300,
     "pipeline": 3_775,  # needs of derivatives
-    "report": 5_680,  # surfaces of bodies, pages of load paths
+    "report": 5_800,  # surfaces of bodies, pages of load paths
     "runtime": 22_150,  # bodies in motions and statics
     "scene": 13_450,  # rigid bodies with parts, and their import
     "structure": 3_750,  # rigid bodies

@@ -81,7 +81,7 @@ def test_commands_that_are_not_run_name_verbs_and_options(run: Run) -> None:
     for block in list_kind("excluded"):
         for command in block.commands if block.language == "sh" else []:
             program, *words = shlex.split(command)
-            if program == "make":
+            if program == "make" and words[0] != "-C":
                 makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
                 assert re.search(rf"^{words[0]}:", makefile, re.MULTILINE), command
             if program != "tensegrity-codegen":

@@ -110,10 +110,8 @@ class ModelOptions(Table):
     )
     integrators: Annotated[tuple[Annotated[str, *_INTEGRATOR], ...], Strict(False)] = Field(
         (),
-        description="Time integrators of the library. rk4: fixed step; rk54, tsit5, rk853: error control, "
-        "orders 5, 5, 8; radau: error control, order 5, bars of any stiffness; rodas: error control, order "
-        "5, much damping in soft members. All but radau need the quantity acceleration, rodas "
-        "state_jacobian too.",
+        description="Time integrators of the library. "
+        + " ".join(f"{name}: {row.title}." for name, row in INTEGRATORS.items()),
     )
     keep: Annotated[tuple[Literal["energy"], ...], Strict(False)] = Field(
         (),
