@@ -47,6 +47,9 @@ def build_path_page(
 
     structure: the drawn one; position (n_points, n_nodes, 3) [m]; columns: of the table of the path.
     """
+    title = path.message[:1].upper() + path.message[1:]
+    if events and path.status == "completed":
+        title += f"; first event: {events[0].kind} at {format_short(float(events[0].load_factor), 5)}"
     largest = format_short(float(path.load_factor.max()), 5)
     curve: tuple[Block, ...] = _path(path, events, structure, position)
     curve += tuple(Remark("differs", as_sentence(flaw)) for flaw in flaws)
@@ -61,12 +64,14 @@ def build_path_page(
         Section("stiffness", "", "Stability", "plain", "", (stiffness,)),
         command_section(command),
     )  # fmt: skip
-    counts = f"{describe_count(len(path.load_factor), 'point')}, {describe_count(len(events), 'event')}."
+    counts = f"{describe_count(len(path.load_factor), 'point')}, {describe_count(len(events), 'event')}"
     return Page(
         subject=f"Load path of {structure.name}",
-        title=f"Largest load factor {largest}; {path.status}: {path.message}",
+        title=title,
         lead=LEAD,
-        chapters=(Chapter("load-path", structure.name, "", counts, sections),),
+        chapters=(
+            Chapter("load-path", structure.name, "", f"{counts}, load factors up to {largest}.", sections),
+        ),
         facts=(f"tensegrity_codegen {VERSION}.", "Equations, events and statuses: docs/statics.md."),
     )
 
