@@ -359,6 +359,12 @@ class Manifest:
         """Whether implicit integrators take the Jacobian of the whole state: contacts or memory."""
         return self.has_contacts or bool(self.internal_name)
 
+    @property
+    def has_only_bristles(self) -> bool:
+        """Whether internal states are those of friction on the ground alone: forces have no jumps by them."""
+        bristles = {f"{name}_stick{k}" for name in self.contact_name for k in (1, 2)}
+        return bristles.issuperset(self.internal_name)
+
     def subjects_of(self, kind: str) -> tuple[str, ...]:
         """Return the owner of each internal state that events of this kind set, in their order."""
         end = f"_{SET_STATES[kind]}"

@@ -340,7 +340,7 @@ def _context(
             "batch_work_size": 0,
         }
     kernel = functions["acceleration"].arguments
-    side_by_side = bool(spec.batch_work_size) and not manifest.needs_state_jacobian
+    side_by_side = bool(spec.batch_work_size) and manifest.has_only_bristles
     keeps_constraints = all(name in functions for name in PROJECTION)
     return {
         "name": spec.name,

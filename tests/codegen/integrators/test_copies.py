@@ -151,10 +151,11 @@ def test_the_sanitizers_find_nothing_and_bad_copies_disturb_none(
     [
         (bare()[0], "_batch("),
         (make_swing(0.2), "_run("),
-        (make_block([0.0, 0.0, 0.3], friction=0.0), "_run("),
+        (make_block([0.0, 0.0, 0.3], friction=0.0), "_batch("),
+        (make_block([0.0, 0.0, 0.3], friction=0.5), "_batch("),
     ],
 )
-def test_lanes_are_for_what_has_neither_contacts_nor_memory(structure: Structure, called: str) -> None:
+def test_lanes_are_for_forces_without_jumps(structure: Structure, called: str) -> None:
     """Their steps pass over the events at which others are cut."""
     quantities = ("acceleration", "member_tension")
     request = ModelRequest(quantities, integrators=("rk54",), copies=True, events=AUTO_EVENTS, batch_width=4)
@@ -162,6 +163,8 @@ def test_lanes_are_for_what_has_neither_contacts_nor_memory(structure: Structure
     text = source.files[f"{source.manifest.name}.c"]
     body = text.partition("static void rk54_advance_copies(")[2].partition("\n}")[0]
     assert [word for word in ("_batch(", "_run(") if word in body] == [called]
+    slipping = (*source.manifest.internal_name, "a_slips")  # as static friction has it, whose force jumps
+    assert not replace(source.manifest, internal_name=slipping).has_only_bristles
 
 
 def test_libraries_without_copies_have_nothing_of_them() -> None:
