@@ -83,7 +83,9 @@ EXITS = {
 # Example scenes that a page presupposes in the folder; pages of the gallery presuppose their own.
 SCENES = {
     "README.md": ("prism",),
-    "docs/embedding.md": ("prism", "prism12", "pinned_prism"),
+    "docs/casadi_functions.md": ("prism",),
+    "docs/derivatives.md": ("prism",),
+    "docs/embedding.md": ("prism",),
     "docs/export.md": ("prism", "pinned_prism"),
     "docs/fmu.md": ("prism",),
     "docs/integrating_in_c.md": ("prism", "prism12", "pinned_prism"),
@@ -115,7 +117,7 @@ FILES = {
 # Python before a block, which names what the page takes as known: page, beginning of the block, code.
 BEFORE = (
     (
-        "docs/embedding.md",
+        "docs/integrating_in_c.md",
         "coordinate = model.nominal",
         "import numpy as np\nfrom tensegrity_codegen import compile_scene, simulate_batch\n"
         'rng = np.random.default_rng(0)\nmodel = compile_scene("prism.toml", for_=("simulate_batch",))\n',
