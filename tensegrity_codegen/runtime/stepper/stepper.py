@@ -289,7 +289,7 @@ class Stepper(Summarised):
         ----------
         which : array_like of int or of bool, optional
             Numbers of the copies, or n truth values; by default all.
-        coordinate, velocity, internal : array_like, shape (n_...,) or (n_which, n_...), optional
+        coordinate, velocity, internal : array_like, shape (n_numbers,) or (n_which, n_numbers), optional
             Where they begin, the same for all or one row each; by default at the start of the scene, internal
             states as `simulate` begins with them.
 
