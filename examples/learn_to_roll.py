@@ -1,8 +1,9 @@
 """A robot learns to roll; then its policy in C walks the same way.
 
-    python examples/learn_to_roll.py SCENE.toml       needs the extra `learn`
+    python examples/learn_to_roll.py SCENE.toml [START]       needs the extra `learn`
 
-The scene is a robot of rigid bodies on the ground with actuators; by default three rods of the gallery. It
+The scene is a robot of rigid bodies on the ground with actuators; by default three rods of the gallery. START
+is "scene" for a robot that does not come to rest by itself, or another start of `environment`. The robot
 sees how its bodies lie and move, and what it has commanded, and is paid for its way along x. Friction is
 drawn for each episode. The policy, a network of one layer, is found by evolution strategies: of pairs of
 policies on either side of the mean, the mean goes towards the better ones. 100 to 300 generations of 96
@@ -20,7 +21,9 @@ from tensegrity_codegen import Policy, build_controller, compile_scene, environm
 GALLERY = Path(__file__).parents[1] / "docs" / "gallery"
 scene = sys.argv[1] if len(sys.argv) > 1 else str(GALLERY / "three_rods.toml")
 observe = ["body_axes", "body_velocity", "body_angular_velocity", "command"]
-settings = {"observe": observe, "randomise": ["ground.friction=uniform(0.5,1)"], "autoreset": "disabled"}
+start = {"start": sys.argv[2]} if len(sys.argv) > 2 else {}
+episodes = {"randomise": ["ground.friction=uniform(0.5,1)"], "autoreset": "disabled"}
+settings = {"observe": observe, **start, **episodes}
 robots = environment(scene, 96, stepper={"rtol": 1e-3, "threads": 2}, **settings)
 n_seen, n_moved = robots.single_observation_space.shape[0], robots.single_action_space.shape[0]
 n_bodies = (n_seen - n_moved) // 15
@@ -85,7 +88,7 @@ print(f"{way.min():.2f} to {way.max():.2f} m in 10 s")
 
 controller = build_controller(compile_scene(scene), policy=policy, out="policy_c", overwrite=True).load()
 controller.init()
-in_python, in_c = (environment(scene, stepper={"rtol": 1e-5}, observe=observe) for _ in range(2))
+in_python, in_c = (environment(scene, stepper={"rtol": 1e-5}, observe=observe, **start) for _ in range(2))
 (first, _), (second, _) = in_python.reset(seed=1), in_c.reset(seed=1)
 for _ in range(500):
     first, *_ = in_python.step(policy(first))

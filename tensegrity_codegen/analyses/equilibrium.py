@@ -227,9 +227,14 @@ class EquilibriumResult(SearchResult):
 
     @property
     def is_beyond(self) -> bool:
-        """Whether members exceed limits or buckle."""
+        """Whether members exceed limits or buckle, or the structure snapped on the way."""
         members = self.equilibrium.members
-        return members is not None and members.is_beyond
+        return self.has_snapped or (members is not None and members.is_beyond)
+
+    @property
+    def has_snapped(self) -> bool:
+        """Whether the path of increasing loads ends before this equilibrium."""
+        return self.equilibrium.snap is not None and bool(self.equilibrium.snap.snapped)
 
     @property
     def actuated(self) -> "Subject":
@@ -287,7 +292,8 @@ class EquilibriumResult(SearchResult):
         sentences = [equilibrium.message] if equilibrium.message else []
         sentences += [tensions] if equilibrium.is_found else []
         flaws = [] if members is None else members.describe()
-        beyond = "exceeds limits; " if self.is_beyond else ""
+        beyond = "snapped; " if self.has_snapped else ""
+        beyond += "exceeds limits; " if members is not None and members.is_beyond else ""
         unit = "in the units of the coordinates" if isinstance(structure, BodySystem) else "N/m"
         return [
             f"{beyond}{equilibrium.status}: {'; but '.join(['; '.join(sentences), *flaws])}",

@@ -261,6 +261,7 @@ class LoadPathResult(Result):
             "smallest_eigenvalue": path.smallest_eigenvalue,
             "inputs": dict(self.case.inputs),
             "hint": _advise(path),
+            "stable_up_to": path.stable_up_to,
             "limits": _find_flaws(self.case.subject, self.columns).as_evidence(),
         }
 
@@ -271,6 +272,8 @@ class LoadPathResult(Result):
         path = self.path
         digits = DIGITS_ON_GROUND if self.model.model.manifest.contact_name else 10
         flaws = _find_flaws(self.case.subject, self.columns).describe()
+        if path.stable_up_to is not None:
+            flaws.insert(0, f"it is stable up to load factor {path.stable_up_to:.{digits}g} only")
         finding = "; but ".join([f"{path.status}: {path.message}", *flaws])
         sentences = [sentence for sentence in (finding, _advise(path), _summary(path, digits)) if sentence]
         events = self.events

@@ -55,7 +55,8 @@ class StrictOptions(PrintOptions):
     """How a verb that compares members with their limits prints its result, and ends."""
 
     strict: Annotated[
-        bool, typer.Option("--strict", help="Exit code 3 where members exceed limits or buckle.")
+        bool,
+        typer.Option("--strict", help="Exit code 3 where members exceed limits or buckle, or it snapped."),
     ] = False
 
 

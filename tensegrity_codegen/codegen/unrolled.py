@@ -182,13 +182,17 @@ def check_length(model: SymbolicModel, functions: tuple[PrunedFunction, ...]) ->
     """Raise FormulationError if these functions would take too long to compile."""
     operations = sum(function.operations for function in functions)
     if operations > MAX_OPERATIONS:
-        raise FormulationError(
+        longest = max(functions, key=lambda function: function.operations)
+        seconds = operations / COMPILED_OPERATIONS_A_SECOND
+        error = FormulationError(
             "the requested functions are too long for unrolled code",
             where=f"{model.name}: model.quantities",
-            given=f"{operations} operations, {operations / COMPILED_OPERATIONS_A_SECOND:.0f} s to compile",
+            given=f"{operations} operations, {seconds:.0f} s to compile; "
+            f"{longest.quantity.name} has {longest.operations}",
             allowed=f"at most {MAX_OPERATIONS} operations",
             hint="request fewer quantities (Jacobians are the longest) or use a smaller structure",
-        ).unless_chosen_otherwise()
+        )
+        raise error if getattr(model.subject, "bodies", ()) else error.unless_chosen_otherwise()
 
 
 def _write(model: SymbolicModel, functions: tuple[PrunedFunction, ...], precision: Precision) -> Bodies:

@@ -48,7 +48,9 @@ def build_path_page(
     structure: the drawn one; position (n_points, n_nodes, 3) [m]; columns: of the table of the path.
     """
     title = path.message[:1].upper() + path.message[1:]
-    if events and path.status == "completed":
+    if path.stable_up_to is not None:
+        title += f"; stable up to {format_short(path.stable_up_to, 5)} only"
+    elif events and path.status == "completed":
         title += f"; first event: {events[0].kind} at {format_short(float(events[0].load_factor), 5)}"
     largest = format_short(float(path.load_factor.max()), 5)
     curve: tuple[Block, ...] = _path(path, events, structure, position)

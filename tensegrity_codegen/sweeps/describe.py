@@ -51,6 +51,7 @@ def describe_facts(scene: SceneSource, plan: SweepPlan, operation: CaseAnalysis)
         "title": f"sweep of {structure.name}: {operation.name} of {plan.cases.count} cases",
         "source": f"tensegrity_codegen {VERSION}",
         "scene_name": structure.name,
+        "scene_file": Path(scene).name if isinstance(scene, str | Path) else "",
         "scene_text": _read_text(scene),
         "key_attributes": {key: describe_key(key, document, structure) for key in plan.cases.keys},
         "sampling_method": plan.cases.method,

@@ -46,7 +46,7 @@ def build_commands(results: "SweepResults", case: int) -> tuple[str, ...]:
         is_apart = kind is not None and kind.needs_scene
         scene, varied = file, inputs or dict(list(keys.items())[:1])
         if is_apart:
-            scene, varied = f"{results.scene}.toml", keys
+            scene, varied = results.scene_file or f"{results.scene}.toml", keys
         words = [PROGRAM, "sweep", scene, "--do", results.operation, *_list_options(kind, results.options)]
         for key, text in varied.items():
             words += ["--over", f"{key}={text}"]

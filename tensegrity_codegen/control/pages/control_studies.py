@@ -183,10 +183,10 @@ def describe_delays(study: ControlStudy) -> str:
     for name, margins in study.margins.items():
         is_known = np.isfinite(margins.delay)
         further = margins.delay if is_known else MAX_SAMPLES * sample
-        above = "" if is_known else "more than "
-        size = f"{above}{further:.3g} s ({_count_samples(further / sample)})"
-        stood.append(f"{LOOP_NAMES[name]} {f'with {size} more' if margins.is_stable else 'at once'}")
-    return f"{sentence}; linear loops become unstable: {', '.join(stood)}"
+        size = f"{further:.3g} s ({_count_samples(further / sample)})"
+        words = f"unstable with {size} more" if is_known else f"stands {size} more, not tried beyond"
+        stood.append(f"{LOOP_NAMES[name]} {words if margins.is_stable else 'unstable at once'}")
+    return f"{sentence}; linear loops: {', '.join(stood)}"
 
 
 def _count_samples(count: float) -> str:

@@ -100,6 +100,19 @@ class LoadPath(Summarised):
         """Whether the path led to the load asked for, or to an event that ends it."""
         return self.status in ("completed", "stopped")
 
+    @property
+    def stable_up_to(self) -> float | None:
+        """Load factor beyond which points are unstable; None where all are stable."""
+        unstable = np.flatnonzero(self.smallest_eigenvalue < 0)
+        if not unstable.size:
+            return None
+        lost = [
+            event.load_factor
+            for event in self.find_events("limit", "bifurcation", "stability")
+            if event.point <= unstable[0]
+        ]
+        return lost[-1] if lost else float(self.load_factor[unstable[0]])
+
     def find_events(self, *kinds: str) -> tuple[PathEvent, ...]:
         """Return the events of these kinds, in order; all of them if none is named."""
         return tuple(event for event in self.events if not kinds or event.kind in kinds)

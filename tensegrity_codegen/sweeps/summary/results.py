@@ -53,6 +53,7 @@ class SweepResults:
     """A sweep as it is stored.
 
     scene, operation: name of the scene; what was done with each case.
+    scene_file: name of the file that was swept.
     """
 
     path: Path  # the store
@@ -71,6 +72,7 @@ class SweepResults:
     message: Callable[[int], str]  # message(case) returns the message of a case, "" if there is none
     kept: Mapping[str, KeptQuantity]  # quantities by name
     key_units: Mapping[str, str] = field(default_factory=dict)  # units of keys, if known
+    scene_file: str = ""
 
     @property
     def count(self) -> int:
@@ -129,6 +131,7 @@ def read_results(path: str | Path) -> SweepResults:
         words=(*STATUSES, NOT_COMPUTED),
         message=lambda case: str(group[MESSAGE][np.unravel_index(case, layout.shape)]),
         kept=_find_kept(group, set(keys.values()), layout),
+        scene_file=str(stored.attributes.get("scene_file") or ""),
         key_units={key: str(group[name].attrs.get("units", "")) for key, name in keys.items()},
     )
 
