@@ -61,7 +61,7 @@ def print_rows(
             model, motion, design(delay), draws=draws, limits=ActuatorLimits(delay=delay), compare=False,
             **parameters,
         )  # fmt: skip
-        assert all(run.status == "ok" and not run.warnings for run in runs), [run.message for run in runs]
+        assert all(run.status == "ok" for run in runs), [run.message for run in runs]
         ends = np.array([find_end(run) for run in runs])
         first = ends if delay == 0.0 else first
         tension = min(float(run.least_tension(since)[cables].min()) for run in runs)
