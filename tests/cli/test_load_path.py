@@ -29,6 +29,65 @@ def test_the_path_ends_at_the_first_contact(run: Run, prism: Path) -> None:
     assert "7.5603868" in said.out
 
 
+def write_levy_dome(folder: Path) -> None:
+    """Write tables of a Levy dome of ten sectors over an ellipse."""
+    nodes = ["node,x,y,z,anchored"]
+    members = ["member,kind,class,node_i,node_j,axial_stiffness,mass"]
+
+    def node(name: str, radius: float, height: float, sector: float, anchored: str = "no") -> None:
+        x, y = 13 * radius * math.cos(math.pi * sector / 5), 10.5 * radius * math.sin(math.pi * sector / 5)
+        nodes.append(f"{name},{x!r},{y!r},{height},{anchored}")
+
+    def member(name: str, start: str, end: str, diameter: float = 0.03) -> None:
+        stiffness = 7e8 if name[0] == "p" else 4e10 * math.pi * diameter**2
+        kind, mass = ("bar", 100) if name[0] == "p" else ("cable", "")
+        members.append(f"{name},{kind},{name[:2]},{start},{end},{stiffness!r},{mass}")
+
+    for k in range(10):
+        after, before = (k + 1) % 10, (k - 1) % 10
+        node(f"E{k}", 1, 0, k, "yes")
+        node(f"TA{k}", 0.62, 2, k + 0.5)
+        node(f"LA{k}", 0.62, -1.5, k + 0.5)
+        node(f"TB{k}", 0.3, 3, k)
+        node(f"LB{k}", 0.3, 0.4, k)
+        for side, outer, inner in (("l", k, before), ("r", after, k)):
+            member(f"rA{k}{side}", f"E{outer}", f"TA{k}")
+            member(f"dA{k}{side}", f"E{outer}", f"LA{k}", 0.04)
+            member(f"rB{k}{side}", f"TA{inner}", f"TB{k}", 0.024)
+            member(f"dB{k}{side}", f"TA{inner}", f"LB{k}", 0.024)
+        member(f"rC{k}", f"TB{k}", "PEAK", 0.024)
+        member(f"dC{k}", f"TB{k}", "KEEL", 0.016)
+        member(f"hA{k}", f"LA{k}", f"LA{after}", 0.05)
+        member(f"hB{k}", f"LB{k}", f"LB{after}")
+        member(f"pA{k}", f"TA{k}", f"LA{k}")
+        member(f"pB{k}", f"TB{k}", f"LB{k}")
+    node("PEAK", 0, 3.6, 0)
+    node("KEEL", 0, 1.1, 0)
+    member("pC0", "PEAK", "KEEL")
+    (folder / "nodes.csv").write_text("\n".join(nodes), encoding="utf-8")
+    (folder / "members.csv").write_text("\n".join(members), encoding="utf-8")
+
+
+@pytest.mark.thorough
+def test_a_path_does_not_go_back_over_two_cables_that_go_slack_at_once(run: Run, folder: Path) -> None:
+    """Long steps behind the kink ended on another branch: no equilibrium beyond 2.2538 was found."""
+    write_levy_dome(folder)
+    run.good("import", "nodes.csv", "members.csv", "--name", "levy", "--out", "levy.toml")
+    run.good("analyse", "levy.toml", "--prestress", "300e3", "--scene-out", "tense.toml")
+    loads = [word for load in ("TA*=0,0,-20e3", "TB*=0,0,-9e3", "PEAK=0,0,-7e3") for word in ("--load", load)]
+    paths = [
+        run.good("load-path", "tense.toml", *loads, "--most", 2.6, "--step", step, "--json").data
+        for step in (0.1, 0.02)
+    ]
+    assert [path["status"] for path in paths] == ["completed", "completed"]
+    kinds = [[(event["kind"], event["names"]) for event in path["events"]] for path in paths]
+    assert kinds[0] == kinds[1]
+    assert "limit" not in [kind for kind, _ in kinds[0]]
+    factors = [[event["load_factor"] for event in path["events"]] for path in paths]
+    assert factors[0] == pytest.approx(factors[1], rel=1e-7)
+    assert paths[0]["stable_up_to"] == pytest.approx(paths[1]["stable_up_to"], rel=1e-7)
+
+
 def test_a_pattern_loads_every_node_that_it_names(run: Run, prism: Path) -> None:
     one_by_one = [word for node in ("t1", "t2", "t3") for word in ("--load", f"{node}=0,0,-1")]
     runs = [

@@ -56,6 +56,8 @@ MIN_LOOP_POINTS = 10  # points that a closed path has at least
 # Distance from the first point, as part of a step, at which a path counts as closed.
 LOOP_CLOSURE_TOLERANCE = 0.02
 FIRST_STEP_RATIO = 0.1  # first step as part of the largest
+# Steps, as part of the largest, from which one that goes back over the kink where it begins is tried shorter.
+BACK_STEP_RATIO = 1e-3
 
 
 @dataclass(frozen=True)
@@ -132,6 +134,7 @@ class _Path:
         self.points: list[PathPoint] = []
         self.events: list[PathEvent] = []
         self.stop_at: frozenset[str] = frozenset()
+        self.kinked = np.zeros(len(self.tracker.side), dtype=bool)  # what crossed where the last step was cut
 
     def run(self, start: FloatArray, progress: Callable[[int, float], None] | None) -> tuple[str, str]:
         """Follow the path; return status and message."""
@@ -154,6 +157,7 @@ class _Path:
             if ended:
                 return ended
             state, n_events = step.end, len(self.events)
+            self.kinked = step.crossings[-1].crossed if step.is_cut else np.zeros_like(self.kinked)
             next_tangent = self._far_tangent(step) if step.is_cut else step.solver.tangent(state, tangent)
             if next_tangent is None:
                 return "stalled", f"the stiffness is singular beyond load factor {state.load_factor:.10g}"
@@ -239,6 +243,11 @@ class _Path:
             self._search(step)
         except (LostError, NonFiniteError):
             return None
+        went_back = (
+            step.is_cut and step.length < KINK_OFFSET and (step.crossings[-1].crossed & self.kinked).any()
+        )
+        if went_back and length > BACK_STEP_RATIO * self.control.largest:
+            return None  # Newton's method found another branch behind the kink
         aside = step.end.z - state.z - step.length * tangent
         if float(np.linalg.norm(aside)) > MAX_PREDICTION_ERROR * step.length:
             return None

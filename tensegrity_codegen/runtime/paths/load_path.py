@@ -109,9 +109,9 @@ class LoadPath(Summarised):
         lost = [
             event.load_factor
             for event in self.find_events("limit", "bifurcation", "stability")
-            if event.point <= unstable[0]
+            if unstable[0] - 1 <= event.point <= unstable[0]
         ]
-        return lost[-1] if lost else float(self.load_factor[unstable[0]])
+        return lost[0] if lost else float(self.load_factor[unstable[0]])
 
     def find_events(self, *kinds: str) -> tuple[PathEvent, ...]:
         """Return the events of these kinds, in order; all of them if none is named."""
