@@ -142,7 +142,8 @@ def _read_member(name: str, row: Row, nodes: Mapping[str, Any]) -> NetworkMember
     if row.cells.get("class"):
         member["class"] = row.cells["class"]
     if section := row.cells.get("section"):
-        member["section"] = _read_section(section, row.where("section"))
+        text = section.replace(",", ".") if row.decimal_comma else section
+        member["section"] = _read_section(text, row.where("section"))
     if _is_two_sided(row, kind):
         member["tension_only"] = False
     return NetworkMember(name, ends, member, row.where("node_j"), row.where)

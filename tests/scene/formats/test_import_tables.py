@@ -341,6 +341,11 @@ STEEL = (
 FOUR = "node,x,y,z,anchored\na,0,0,0,1\nb,1,0,0,1\nc,0,1,0,1\nd,0,1,2,\n"
 
 
+def test_sections_with_decimal_commas_are_those_with_points(load):
+    comma = STEEL.replace(",", ";").replace(".", ",")
+    assert load(FOUR, comma).document["members"] == load(FOUR, STEEL).document["members"]
+
+
 def test_sections_classes_masses_of_cables_and_limits(load):
     document = load(FOUR, STEEL).document
     assert document["classes"] == {"strut_1": {"kind": "bar"}, "rope": {"kind": "cable"}}
