@@ -115,7 +115,7 @@ def _prestress(analysis: Analysis, structure: Structure) -> Section:
             selfstress.tension,
         )
     elif loaded is not None and loaded.is_found:
-        claim, tension = "tensions under the loads", loaded.tension
+        claim, tension = "tensions that balance the loads and are largest in the least cable", loaded.tension
     elif math.isinf(selfstress.least_tension):
         claim, tension = "no member needs to be in tension", selfstress.tension
     else:

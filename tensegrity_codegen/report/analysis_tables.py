@@ -186,7 +186,7 @@ def _describe_stable(analysis: Analysis) -> str:
         return f"Stable: {kinds}, every cable in tension ({ratio}); {stiffened}"
     assert loaded is not None
     tension = format_short(loaded.least_tension)
-    return f"Stable under its loads: every cable in tension, at least {tension} N; {stiffened}"
+    return f"Stable under its loads, which can tighten every cable to {tension} N or more; {stiffened}"
 
 
 def _describe_unstable(analysis: Analysis) -> str:
@@ -334,7 +334,9 @@ def _summarise_prestress(analysis: Analysis) -> str:
         fraction = analysis.prestress.least_tension / analysis.prestress.largest_force
         return f"yes, at least {fraction:.4g} of the largest member force"
     if analysis.load_prestress is not None and analysis.load_prestress.is_found:
-        return f"under the loads, at least {analysis.load_prestress.least_tension:.4g} N"
+        return (
+            f"possible under the loads, with up to {analysis.load_prestress.least_tension:.4g} N in the least"
+        )
     return "no"
 
 
