@@ -405,8 +405,8 @@ def describe_finding(rows: Sequence[str]) -> str:
     alike = min(min(ratios[bars].values()) for bars in ("elastic bars", "rigid bars") if bars in ratios)
     return (
         f"At equal error {min(whatever):.2g} to {max(whatever):.3g} times as fast in C as the fastest other "
-        f"program, {alike:.2g} times at least where both take bars as elastic or both as rigid; `simulate` "
-        f"from Python {min(python):.2g} to {max(python):.2g} times"
+        f"program, {alike:.2g} times at least with bars alike, elastic or rigid; `simulate` from Python "
+        f"{min(python):.2g} to {max(python):.2g} times"
     )
 
 

@@ -73,8 +73,8 @@ PROGRAMS = (
 )
 # What README says before the finding of a program.
 LINES = {
-    "stiff_bars": "Stiff bars in C",
-    "bench": "Functions beside CasADi, NumPy, numba, JAX",
+    "stiff_bars": "Stiff bars",
+    "bench": "Functions beside CasADi, NumPy, JAX",
     "ensembles": "1,000 motions in a batch",
     "simulate_calls": "`simulate` from Python",
 }
