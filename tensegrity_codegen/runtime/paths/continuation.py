@@ -134,7 +134,6 @@ class _Path:
         self.points: list[PathPoint] = []
         self.events: list[PathEvent] = []
         self.stop_at: frozenset[str] = frozenset()
-        self.kinked = np.zeros(len(self.tracker.side), dtype=bool)  # what crossed where the last step was cut
 
     def run(self, start: FloatArray, progress: Callable[[int, float], None] | None) -> tuple[str, str]:
         """Follow the path; return status and message."""
@@ -188,6 +187,7 @@ class _Path:
         except NonFiniteError as error:
             return f"a monitored function is not finite at the start: {error.problem}"
         self.tracker.begin(values)
+        self.kinked = np.zeros(len(values), dtype=bool)  # what crossed where the last step was cut
         self._add(state, tangent)
         # Events that would end the path and are beyond zero already are noted, and passed over.
         tracker = self.tracker
