@@ -35,7 +35,7 @@ from tensegrity_codegen.runtime.paths.path_events import (
     Step,
 )
 from tensegrity_codegen.runtime.paths.path_solver import PathSolver, PathState
-from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.checks import (
     check_callback,
     check_instance,
@@ -134,6 +134,7 @@ class _Path:
         self.points: list[PathPoint] = []
         self.events: list[PathEvent] = []
         self.stop_at: frozenset[str] = frozenset()
+        self.kinked: BoolArray = np.zeros(0, dtype=bool)  # what crossed where the last step was cut
 
     def run(self, start: FloatArray, progress: Callable[[int, float], None] | None) -> tuple[str, str]:
         """Follow the path; return status and message."""
@@ -187,7 +188,7 @@ class _Path:
         except NonFiniteError as error:
             return f"a monitored function is not finite at the start: {error.problem}"
         self.tracker.begin(values)
-        self.kinked = np.zeros(len(values), dtype=bool)  # what crossed where the last step was cut
+        self.kinked = np.zeros(len(values), dtype=bool)
         self._add(state, tangent)
         # Events that would end the path and are beyond zero already are noted, and passed over.
         tracker = self.tracker
