@@ -43,7 +43,7 @@ from tensegrity_codegen.control.embedded.write import (
 )
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
 from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains
-from tensegrity_codegen.control.feedback.design.linear_samples import build_rest, split_delays
+from tensegrity_codegen.control.feedback.design.linear_samples import find_reference, split_delays
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import (
     MOVED_TO_LIMITS,
     ActuatorBounds,
@@ -455,7 +455,7 @@ def simulate_control_batch(
     workers = (os.cpu_count() or 1) if threads is None else check_whole(threads, "threads", 1)
     # The controller, with the checks of all controllers.
     described, request = find_model_and_request(model, motion)
-    reference = motion if isinstance(motion, Motion) else build_rest(model, motion, held)
+    reference = find_reference(model, motion, held)
     parts = collect_parts(
         described, reference, gains=gains, estimator=estimator, distribution=distribution, sample=sample,
         limits=limits, code=written,

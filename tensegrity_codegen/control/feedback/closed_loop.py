@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import (
-    build_rest,
     check_motion,
     find_bristles,
+    find_reference,
     invert_mass,
     shift_commands,
 )
@@ -308,7 +308,7 @@ def simulate_control(
     held = 1.0 if t_end is None else check_positive(t_end, "t_end", "[s]")
     check_instance(disturbance, (Disturbance, type(None)), "disturbance", "a Disturbance, or None")
     arguments = None if disturbance is None else disturbance.arguments
-    reference = motion if isinstance(motion, Motion) else build_rest(model, motion, held, arguments)
+    reference = find_reference(model, motion, held, arguments)
     check_motion(model, reference)
     check_parts(model.manifest, reference, gains, estimator, distribution)
     # The simulated parts: plant, controller, estimator.

@@ -10,12 +10,12 @@ from scipy.linalg import expm, qr
 
 from tensegrity_codegen.control.feedback.design.gains import Estimator, Sensing, find_sensing
 from tensegrity_codegen.control.feedback.design.linear_samples import (
-    build_rest,
     build_sample_time,
     check_independent,
     check_motion,
     check_still_feet,
     find_allowed,
+    find_reference,
     invert_mass,
     linearise,
     to_dense,
@@ -126,7 +126,7 @@ def design_kalman(
     require_quantities(model, KALMAN_QUANTITIES, "an estimator needs")
     check_positive(sample, "sample", "[s]")
     check_switch(only_observable, "only_observable")
-    reference = motion if isinstance(motion, Motion) else build_rest(model, motion, sample, arguments)
+    reference = find_reference(model, motion, sample, arguments)
     check_motion(model, reference)
     check_still_feet(model, reference, "an estimator")
     build_sample_time(reference, sample)

@@ -9,9 +9,9 @@ from scipy.linalg import block_diag
 
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import (
-    build_rest,
     build_sample_time,
     compute_hold,
+    find_reference,
     sample_linear_models,
     shift_commands,
 )
@@ -115,7 +115,7 @@ def design_lqr(
     """
     require_model(model)
     check_positive(sample, "sample", "[s]")
-    reference = motion if isinstance(motion, Motion) else build_rest(model, motion, sample, arguments)
+    reference = find_reference(model, motion, sample, arguments)
     if not reference.actuators:
         raise InvalidValueError(
             "the motion has no actuators", where="motion.actuators", allowed="at least one actuator"

@@ -9,7 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity_codegen.control.feedback.design.gains import Gains
-from tensegrity_codegen.control.feedback.design.linear_samples import build_rest, check_still_feet, linearise
+from tensegrity_codegen.control.feedback.design.linear_samples import (
+    check_still_feet,
+    find_reference,
+    linearise,
+)
 from tensegrity_codegen.control.feedback.kalman import count_substeps
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import find_bounds
 from tensegrity_codegen.control.feedback.loop.tension_distribution import CableTensions, find_cables
@@ -158,7 +162,7 @@ def design_mpc(
         model, motion, Q, R, sample=sample, integral_action=integral_action, delay=0.0, arguments=arguments
     )
     n, m = len(gains.S[-1]), len(gains.actuators)
-    reference = motion if isinstance(motion, Motion) else build_rest(model, motion, sample, arguments)
+    reference = find_reference(model, motion, sample, arguments)
     check_still_feet(model, reference, "model-predictive control")
     # A member whose tension is below its least one on the motion keeps the tension of the motion.
     structure = model.structure

@@ -376,6 +376,16 @@ def shift_commands(delay: FloatArray, sample: float) -> tuple[FloatArray, FloatA
 # An equilibrium as a motion: at rest, with constant inputs.
 
 
+def find_reference(
+    model: CompiledModel,
+    motion: Motion | Equilibrium,
+    duration: float = 1.0,
+    arguments: Mapping[str, Any] | None = None,
+) -> Motion:
+    """Return the motion itself, or the one that stays at an equilibrium. Raises as `build_rest`."""
+    return motion if isinstance(motion, Motion) else build_rest(model, motion, duration, arguments)
+
+
 def build_rest(
     model: CompiledModel,
     equilibrium: Equilibrium,

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.control.feedback.design.linear_samples import (
-    build_rest,
     check_motion,
+    find_reference,
     require_no_rigid_bars,
     to_dense,
 )
@@ -442,8 +442,7 @@ def design_distribution(
     """
     require_model(model)
     require_solver()
-    if not isinstance(motion, Motion):
-        motion = build_rest(model, motion, arguments=arguments)
+    motion = find_reference(model, motion, arguments=arguments)
     check_motion(model, motion)
     require_quantities(model, QUANTITIES, "a distribution of tensions needs")
     require_no_rigid_bars(model, "a distribution of tensions", "keep least tensions by design_mpc")

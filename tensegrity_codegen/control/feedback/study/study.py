@@ -8,7 +8,7 @@ import numpy as np
 
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
 from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains
-from tensegrity_codegen.control.feedback.design.linear_samples import build_rest
+from tensegrity_codegen.control.feedback.design.linear_samples import find_reference
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import find_bounds
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
 from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance
@@ -148,7 +148,7 @@ def study_control(
         )  # fmt: skip
     check_callback(progress, "progress")
     held = HELD_TIME if t_end is None else t_end
-    reference = motion if isinstance(motion, Motion) else build_rest(model, motion, held, arguments)
+    reference = find_reference(model, motion, held, arguments)
     parameters = merge_inputs(model.manifest, arguments)
     chosen = tuning or choose_weights(model, reference, sample=sample, arguments=arguments)
     stated = errors or StatedErrors()

@@ -12,9 +12,9 @@ import numpy as np
 
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import (
-    build_rest,
     check_independent,
     check_motion,
+    find_reference,
     linearise,
 )
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import find_bounds
@@ -205,8 +205,7 @@ def choose_weights(
     """
     require_model(model)
     check_independent(model)
-    if not isinstance(motion, Motion):
-        motion = build_rest(model, motion, HELD_TIME, arguments)
+    motion = find_reference(model, motion, HELD_TIME, arguments)
     check_motion(model, motion)
     require_quantities(model, ("state_jacobian", "input_jacobian"), "the design of feedback needs")
     step = check_positive(sample, "sample", "[s]")
