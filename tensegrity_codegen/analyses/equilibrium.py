@@ -228,8 +228,13 @@ class EquilibriumResult(SearchResult):
     @property
     def is_beyond(self) -> bool:
         """Whether members exceed limits or buckle, or the structure snapped on the way."""
+        return self.has_snapped or self.has_flaws
+
+    @property
+    def has_flaws(self) -> bool:
+        """Whether members exceed limits or buckle."""
         members = self.equilibrium.members
-        return self.has_snapped or (members is not None and members.is_beyond)
+        return members is not None and members.is_beyond
 
     @property
     def has_snapped(self) -> bool:
@@ -293,7 +298,7 @@ class EquilibriumResult(SearchResult):
         sentences += [tensions] if equilibrium.is_found else []
         flaws = [] if members is None else members.describe()
         beyond = "snapped; " if self.has_snapped else ""
-        beyond += "exceeds limits; " if members is not None and members.is_beyond else ""
+        beyond += "exceeds limits; " if self.has_flaws else ""
         unit = "in the units of the coordinates" if isinstance(structure, BodySystem) else "N/m"
         return [
             f"{beyond}{equilibrium.status}: {'; but '.join(['; '.join(sentences), *flaws])}",

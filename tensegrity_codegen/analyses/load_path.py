@@ -223,6 +223,20 @@ class LoadPathResult(Result):
         """The events of the kinds that are reported."""
         return tuple(event for event in self.path.events if event.kind in self.kinds)
 
+    @cached_property
+    def flaws(self) -> "MemberFlaws":
+        """The limits that members exceed at points of the path."""
+        import numpy as np
+
+        from tensegrity_codegen.structure.member_limits import check_members
+
+        subject, columns = self.case.subject, self.columns
+        length, tension = (
+            np.stack([columns[f"{prefix}_{name}"] for name in subject.member_name], axis=-1)
+            for prefix in ("length", "tension")
+        )
+        return check_members(subject, tension, length)
+
     def write(self, name: str, path: "Path", *, overwrite: bool) -> bool:
         """Write the table or the page if the path has points."""
         from tensegrity_codegen.report.result_tables import write_path
@@ -243,12 +257,11 @@ class LoadPathResult(Result):
         from tensegrity_codegen.structure.outline import outline_bodies
         from tensegrity_codegen.system.progress import work_pass
 
-        subject, model, columns = self.case.subject, self.model, self.columns
-        flaws, drawn = _find_flaws(subject, columns).describe(), outline_bodies(subject)
+        model, flaws, drawn = self.model, self.flaws.describe(), outline_bodies(self.case.subject)
         with work_pass("drawing"):
             rows = [place_nodes(model.model, q, arguments=model.arguments) for q in self.path.coordinate]
             page = build_path_page(
-                self.path, self.events, drawn, np.array(rows), columns, flaws, self.case.command
+                self.path, self.events, drawn, np.array(rows), self.columns, flaws, self.case.command
             )
             write_page(page, path, overwrite=overwrite)
 
@@ -262,7 +275,7 @@ class LoadPathResult(Result):
             "inputs": dict(self.case.inputs),
             "hint": _advise(path),
             "stable_up_to": path.stable_up_to,
-            "limits": _find_flaws(self.case.subject, self.columns).as_evidence(),
+            "limits": self.flaws.as_evidence(),
         }
 
     def describe(self) -> list[Any]:
@@ -271,7 +284,7 @@ class LoadPathResult(Result):
 
         path = self.path
         digits = DIGITS_ON_GROUND if self.model.model.manifest.contact_name else 10
-        flaws = _find_flaws(self.case.subject, self.columns).describe()
+        flaws = self.flaws.describe()
         if path.stable_up_to is not None:
             flaws.insert(0, f"it is stable up to load factor {path.stable_up_to:.{digits}g} only")
         finding = "; but ".join([f"{path.status}: {path.message}", *flaws])
@@ -343,19 +356,6 @@ def _find_watches(path: "ModelPath", subject: "Subject", past_contact: bool) -> 
     if subject.n_bar_pairs:
         watches.append(watch_contact(path, stops=not past_contact))
     return watches
-
-
-def _find_flaws(subject: "Subject", columns: "Mapping[str, NDArray[np.float64]]") -> "MemberFlaws":
-    """Return the limits that members exceed at points of the path."""
-    import numpy as np
-
-    from tensegrity_codegen.structure.member_limits import check_members
-
-    length, tension = (
-        np.stack([columns[f"{prefix}_{name}"] for name in subject.member_name], axis=-1)
-        for prefix in ("length", "tension")
-    )
-    return check_members(subject, tension, length)
 
 
 def _follow(

@@ -11,6 +11,7 @@ from tensegrity_codegen.system.summaries import Fact, Summarised, describe_range
 
 # Motions that cost no force, as orthonormal columns (n, k), at coordinates q where the stiffness is K.
 NeutralMotions = Callable[[FloatArray, Any], FloatArray]
+STABILITY_LOSS_EVENTS = ("limit", "bifurcation", "stability")  # events at which a stable path ends
 
 
 class PathProblem(Protocol):
@@ -108,7 +109,7 @@ class LoadPath(Summarised):
             return None
         lost = [
             event.load_factor
-            for event in self.find_events("limit", "bifurcation", "stability")
+            for event in self.find_events(*STABILITY_LOSS_EVENTS)
             if unstable[0] - 1 <= event.point <= unstable[0]
         ]
         return lost[0] if lost else float(self.load_factor[unstable[0]])

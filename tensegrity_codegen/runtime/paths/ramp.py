@@ -10,7 +10,7 @@ import numpy as np
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.paths.continuation import StepControl, follow_path
-from tensegrity_codegen.runtime.paths.load_path import LoadPath
+from tensegrity_codegen.runtime.paths.load_path import STABILITY_LOSS_EVENTS, LoadPath
 from tensegrity_codegen.runtime.paths.model_path import ModelPath, build_path
 from tensegrity_codegen.runtime.paths.watches import watch_slack, watch_switch
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem, find_equilibrium
@@ -40,7 +40,6 @@ RETURN_FACTORS, RETURN_TOLERANCE, RETURN_ROUNDING = (1.0, 1e-2, 1e-4), 1e-2, 1e-
 END_DISTANCE = 1e-5  # distance from the full load at which a loss of stability may be one of the end itself
 # Motion, as part of the structure's size, up to which the end is where stability was lost.
 MAX_END_MOTION_RATIO = 1e-3
-STABILITY_LOSS_EVENTS = ("limit", "bifurcation", "stability")  # events at which a stable path ends
 
 
 class PinnedPath:
