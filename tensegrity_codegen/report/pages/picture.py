@@ -32,7 +32,7 @@ from tensegrity_codegen.report.pictures.drawing import (
     picture_size,
 )
 from tensegrity_codegen.report.pictures.marks import choose_unit
-from tensegrity_codegen.report.pictures.panel import add_color_bar, add_key, set_up
+from tensegrity_codegen.report.pictures.panel import add_color_bar, add_key, name_scale, set_up
 from tensegrity_codegen.report.pictures.shown import show_structure
 from tensegrity_codegen.report.pictures.view import PictureChoices, View, find_box, fit_view
 from tensegrity_codegen.structure.structure import Structure
@@ -206,7 +206,7 @@ def draw_tensions(
     drawing = StructureDrawing(axes, structure, view, tension_limit=limit)
     drawing.show(position, tension)
     if drawing.mappable is not None:
-        add_color_bar(figure, axes, drawing.mappable, **_choose_scale(name, limit))
+        add_color_bar(figure, axes, drawing.mappable, **name_scale(name, choose_unit(limit or 0.0)))
     _explain(figure, structure, position, tension, drawing)
     return figure
 
@@ -233,13 +233,6 @@ def _enlarge(motion: FloatArray, position: FloatArray) -> FloatArray:
     largest = float(np.linalg.norm(motion, axis=1).max(initial=0.0))
     side = float(np.ptp(position, axis=0).max(initial=0.0))
     return motion * (SHOWN * side / largest if largest else 0.0)
-
-
-def _choose_scale(name: str, limit: float | None) -> dict[str, Any]:
-    """Return name and unit of the scale of tensions up to a limit [N], for `add_color_bar`."""
-    unit, size = choose_unit(limit or 0.0)
-    is_force = name.endswith("[N]")
-    return {"name": name.replace("[N]", f"[{unit}]"), "unit": size if is_force else 1.0}
 
 
 def _explain(
@@ -299,7 +292,9 @@ def draw_film(
     clock = axes.text(0.98, 0.98, "", transform=axes.transAxes, ha="right", va="top", fontsize=10, color=INK)
     drawing = StructureDrawing(axes, structure, view, tension_limit=limit)
     if drawing.mappable is not None:
-        add_color_bar(figure, axes, drawing.mappable, **_choose_scale("member tension [N]", limit))
+        add_color_bar(
+            figure, axes, drawing.mappable, **name_scale("member tension [N]", choose_unit(limit or 0.0))
+        )
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # one layout for all pictures; to find it takes longer than to draw
 

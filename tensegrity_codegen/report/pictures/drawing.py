@@ -23,7 +23,7 @@ from tensegrity_codegen.report.pictures.canvas import (
     UNKNOWN,
     build_tension_colormap,
 )
-from tensegrity_codegen.report.pictures.marks import draw_anchors, group_anchors
+from tensegrity_codegen.report.pictures.marks import draw_anchors, find_crowd_scale, group_anchors
 from tensegrity_codegen.report.pictures.view import Box, PerspectiveView, PlanarView, View
 from tensegrity_codegen.structure.bodies import BodySystem, RigidBody
 from tensegrity_codegen.structure.body_meshes import BodyMesh, build_mesh
@@ -137,8 +137,7 @@ class StructureDrawing:
 
         self._structure, self.view = structure, view
         self._parts = BodyParts.of(structure) if parts is None else parts
-        # Members of large structures get thinner, so that they do not run together.
-        self._scale = line_scale * float(np.clip((45 / max(structure.n_members, 1)) ** 0.4, 0.18, 1.0))
+        self._scale = line_scale * find_crowd_scale(structure, 0.18)  # so that members do not run together
         pixel = 72.0 / axes.figure.dpi if structure.n_members <= CROWD else 0.0
         usual = np.where(structure.is_bar, BAR_WIDTH, CABLE_WIDTH) * self._scale
         least = np.where(structure.is_bar, 1.5, 1.0) * LEAST_PIXELS * pixel

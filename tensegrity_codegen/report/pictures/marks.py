@@ -110,7 +110,7 @@ def _find_tails(
     up = structure.axes[-1]
     held = structure.node_anchored[nodes][:, list(structure.axes)].any(axis=1, keepdims=True)
     passes = held & (np.abs(vector[:, :, up : up + 1]) > UPRIGHT * size)
-    crowd = find_anchor_scale(structure)
+    crowd = find_crowd_scale(structure, SMALLEST_ANCHOR)
     clearance = extent * np.where(passes, max(GAP, SUPPORT * crowd), GAP) * vector / size
     pushes = np.sum(vector * toward[:, nodes], axis=2, keepdims=True) > 0
     tail: FloatArray = np.where(
@@ -187,12 +187,12 @@ def describe_force(force: float, unit: Unit) -> str:
     return f"{float(f'{force / unit[1]:.3g}'):g} {unit[0]}"
 
 
-ANCHOR_SIZE = 21.0
+ANCHOR_SIZE, SMALLEST_ANCHOR = 21.0, 0.4  # [points], and of it in large structures
 
 
-def find_anchor_scale(structure: Structure) -> float:
-    """Return the size of marks of supports over that of a structure of a few dozen members."""
-    return float(np.clip((45 / max(structure.n_members, 1)) ** 0.4, 0.4, 1.0))
+def find_crowd_scale(structure: Structure, smallest: float) -> float:
+    """Return the width of lines over that in structures of a few dozen members: larger ones get thinner."""
+    return float(np.clip((45 / max(structure.n_members, 1)) ** 0.4, smallest, 1.0))
 
 
 def group_anchors(structure: Structure, view: View) -> list[tuple[BoolArray, str, bool]]:
@@ -225,8 +225,9 @@ def draw_anchors(axes: "Axes", fill: str, hangs: bool, scale: float) -> Any:
     side = 1.0 if hangs else -1.0
     triangle = Path([(0.0, 0.0), (-0.6, side), (0.6, side), (0.0, 0.0)], closed=True)
     (marks,) = axes.plot(
-        [], [], linestyle="none", marker=MarkerStyle(triangle), markersize=ANCHOR_SIZE * max(scale, 0.4),
-        markerfacecolor=fill, markeredgecolor=INK, markeredgewidth=1.0, zorder=2.5, clip_on=False,
+        [], [], linestyle="none", marker=MarkerStyle(triangle),
+        markersize=ANCHOR_SIZE * max(scale, SMALLEST_ANCHOR), markerfacecolor=fill,
+        markeredgecolor=INK, markeredgewidth=1.0, zorder=2.5, clip_on=False,
     )  # fmt: skip
     return marks
 

@@ -89,9 +89,7 @@ class Setting:
     @property
     def scale(self) -> dict[str, Any]:
         """Name of the scale of colours and its unit, for `add_color_bar`."""
-        name, unit = COLOR_NAMES.get(self.choices.color, ("", ""))[0], self.unit
-        is_force = name.endswith("[N]")
-        return {"name": name.replace("[N]", f"[{unit[0]}]"), "unit": unit[1] if is_force else 1.0}
+        return name_scale(COLOR_NAMES.get(self.choices.color, ("", ""))[0], self.unit)
 
     @property
     def unit(self) -> Unit:
@@ -319,6 +317,11 @@ def add_key(figure: "Figure | SubFigure", setting: Setting, *, slack: bool) -> N
         handles=handles, loc="outside lower center", ncols=int(np.clip(letters // longest, 1, 5)),
         frameon=False, fontsize=TEXT_SIZE, labelcolor=INK, handlelength=2.2, columnspacing=1.8,
     )  # fmt: skip
+
+
+def name_scale(name: str, unit: Unit) -> dict[str, Any]:
+    """Return a name that may end in "[N]" with this unit of forces, and its size, for `add_color_bar`."""
+    return {"name": name.replace("[N]", f"[{unit[0]}]"), "unit": unit[1] if name.endswith("[N]") else 1.0}
 
 
 def add_color_bar(
