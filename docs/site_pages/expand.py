@@ -7,7 +7,6 @@
     <!-- site: number of scenes -->                "31 structures."
     <!-- site: live NAME -->                       the live page of a scene, in a frame
     <!-- site: scene NAME -->                      the text of a scene's file, folded
-    <!-- site: keys of scenes -->                  every table and key of scene files
     <!-- site: file docs/derivations/bodies.py --> a program, as code
     <!-- site: bars NAME, NAME: PART, PART -->     the next table as bars: columns of names, of parts
     <!-- site: pages 0* -->                        navigation: pages of this folder, by name or pattern
@@ -24,7 +23,6 @@ from site_pages.command_line import write_command_line
 from site_pages.gallery import write_cards, write_count, write_live_frame, write_scene_file
 from site_pages.links import ROOT, point_links
 from site_pages.python_names import write_names
-from site_pages.scene_keys import write_scene_keys
 
 MARK = re.compile(r"^<!-- site: (.+?) -->$", re.MULTILINE)
 
@@ -42,7 +40,6 @@ def expand_page(text: str, page: str) -> str:
 def _replace(mark: str, page: str) -> str:
     makers: dict[str, Callable[[], str]] = {
         "command line": write_command_line,
-        "keys of scenes": write_scene_keys,
         "number of scenes": write_count,
     }
     if mark in makers:
