@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 
 NO_PRESTRESS = "no prestress with every cable in tension was found without loads"
 TRY_SETTLING = (
-    "a shape that is rounded, as on a drawing, is only near one with prestress: give members an approximate "
-    "prestress, let `equilibrium SCENE --out SETTLED.toml` move the nodes into balance, and use that file"
+    "a shape that is rounded, as on a drawing, is only near one with prestress: --rank-tolerance 1e-3 counts "
+    "its small singular values as zero, --prestress 100 --scene-out NEAR.toml writes what that finds, and "
+    "`equilibrium NEAR.toml --out SETTLED.toml` moves the nodes into balance"
 )
 NO_MASS = "natural frequencies are omitted: a free node has no mass"
 AS_IN_SCENE = "this is the configuration in the scene; --settle analyses the equilibrium instead"
@@ -95,7 +96,7 @@ class Analyse(AtPoint):
 
     rank_tolerance: Annotated[
         float,
-        Option("singular values above this part of the largest one never count as zero.", in_sweep=False),
+        Option("singular values up to this part of the largest one count as zero.", in_sweep=False),
     ] = 1e-6
     n_modes: Annotated[
         int, Option("number of natural frequencies and modes.", argument_name="modes", in_sweep=False)
@@ -241,6 +242,8 @@ class AnalyseResult(Result):
         )
         if self.prestressed is None:
             case.warn(f"{path} is not written: {NO_PRESTRESS}")
+        elif self.prestressed.warning:
+            case.warn(self.prestressed.warning)
         return self.prestressed is not None
 
     def as_dict(self) -> dict[str, Any]:

@@ -128,9 +128,28 @@ def test_without_a_prestress_nothing_is_written(run: Run, folder: Path) -> None:
     ended = run("analyse", path, "--prestress", "50", "--scene-out", "tense.toml", "--json")
     assert ended.code == 3
     assert (ended.data["status"], ended.data["prestressed"]) == ("infeasible", None)
-    assert "equilibrium SCENE --out" in ended.data["hint"]
+    assert "equilibrium NEAR.toml --out" in ended.data["hint"]
     assert any("tense.toml is not written" in text for text in ended.data["warnings"])
     assert not (folder / "tense.toml").exists()
+
+
+def test_a_rounded_shape_is_written_near_balance_and_settles(run: Run, folder: Path) -> None:
+    """The hint, followed to its end, for a prism of 150 degrees whose twist is half a degree off."""
+    path = write(folder / "rounded.toml", PRISM + "twist = 150.5\n")
+    alone = run("analyse", path, "--json")
+    assert (alone.code, alone.data["n_selfstress"]) == (3, 0)
+    words = ("--rank-tolerance", "0.05", "--prestress", "100", "--scene-out", "near.toml")
+    ended = run.good("analyse", path, *words, "--json")
+    assert any("`equilibrium near.toml --out SETTLED.toml`" in text for text in ended.data["warnings"])
+    assert ended.data["prestressed"]["residual"] > 1e-3
+    run.good("equilibrium", "near.toml", "--out", "settled.toml")
+    check_balance(folder / "settled.toml", 100.0)
+    settled, _ = load_scene(folder / "settled.toml")
+    rounded, _ = load_scene(path)
+    assert isinstance(settled, Structure)
+    assert isinstance(rounded, Structure)
+    assert np.abs(settled.member_length() - rounded.member_length()).max() < 0.01
+    assert run.good("analyse", "settled.toml", "--json").data["n_selfstress"] == 1
 
 
 @pytest.mark.parametrize(

@@ -293,7 +293,7 @@ def analyse(
         Inputs and parameters by name, where they differ from the scene; of feet on the ground also
         ``internal``, shape (n_internal,) [m], by default zero.
     rank_tolerance : float
-        Singular values of the equilibrium matrix above this part of the largest one never count as zero.
+        Singular values of the equilibrium matrix up to this part of the largest one count as zero.
     n_modes : int
         Number of natural frequencies and modes.
 

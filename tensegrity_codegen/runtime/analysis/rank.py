@@ -1,5 +1,6 @@
-"""Rank of an equilibrium matrix, by the gap of its singular values; free motions; numbers without a model."""
+"""Rank of an equilibrium matrix, by its singular values; free motions; numbers without a model."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +16,9 @@ from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.manifest import Manifest
 
 MAX_ROWS = 3000  # coordinates or members; the dense decomposition of so many takes about a minute
-RANK_TOLERANCE = 1e-6  # of the largest singular value: larger ones never count as zero
+RANK_TOLERANCE = 1e-6  # of the largest singular value: those up to it count as zero
 MIN_CLEAR_GAP = 1e3  # ratio of the two singular values at the gap from which the rank is clear
-NEAR_ZERO_FACTOR = 1e2  # times the tolerance: a smallest value below that is near to being zero
+NEAR_ZERO_FACTOR = 1e2  # times the tolerance: a value below that which counts is near to being zero
 EPSILON = float(np.finfo(float).eps)
 ZERO_MOTION_TOLERANCE = 1e-6  # part of a unit motion that counts as none
 ZERO_TOLERANCE = 1e-6  # of the largest singular value: as the default tolerance of `analyse`
@@ -36,10 +37,10 @@ class Rank:
     singular_value : ndarray, shape (largest_rank,)
         Singular values, descending.
     tolerance, rounding : float
-        Singular values above `tolerance`, times the largest, never count as zero; those below `rounding`,
-        times the largest, always do; between the two the largest gap decides.
+        Singular values up to `tolerance`, times the largest, count as zero; rounding is up to `rounding`,
+        times the largest.
     above, below : float
-        Singular values on both sides of the gap; nan if there is none on that side.
+        The least singular value that counts, and the largest that counts as zero; nan if there is none.
     gap : float
         Their ratio, the lower one at least the rounding; inf if no value counts as zero.
     warning : str
@@ -97,10 +98,9 @@ def find_rank(
     """Find the rank of an equilibrium matrix (n_coordinates, n_members), self-stresses and free motions.
 
     rounding: relative error of the entries where it is above that of double precision. absent: members
-    without length, and so without direction, that carry no tension. Counted as zero are all values after the
-    largest ratio of consecutive ones, among those below the tolerance (S. Pellegrino, "Structural
-    computations with the singular value decomposition of the equilibrium matrix", International Journal of
-    Solids and Structures 30, 1993).
+    without length, and so without direction, that carry no tension. Counted as zero are all values up to the
+    tolerance (S. Pellegrino, "Structural computations with the singular value decomposition of the
+    equilibrium matrix", International Journal of Solids and Structures 30, 1993).
     """
     check_finite(matrix, "equilibrium_matrix")
     _check_size(matrix)
@@ -110,11 +110,11 @@ def find_rank(
     left, value, own = np.linalg.svd(matrix[:, present], full_matrices=True)
     right = np.zeros((len(own), m))
     right[:, present] = own
-    # The cut between values that count and zeros.
+    # Values that count, and zeros.
     largest = float(value.max(initial=0.0))
     rounding_bound = max(rounding, EPSILON) * 8 * max(n, m, 1)
     relative = value / largest if largest else value
-    rank = _find_cut(relative, tolerance, rounding_bound)
+    rank = int((relative > max(tolerance, rounding_bound)).sum())
     above = float(value[rank - 1]) if rank else float("nan")
     below = float(value[rank]) if rank < len(value) else float("nan")
     gap = above / max(below, rounding_bound * largest) if rank and rank < len(value) else float("inf")
@@ -135,16 +135,6 @@ def find_rank(
     )
 
 
-def _find_cut(relative: FloatArray, tolerance: float, least: float) -> int:
-    """Return how many of the descending values are not zero."""
-    clipped = np.maximum(relative, least)
-    certain = int((relative > tolerance).sum())
-    if certain == 0 or certain == len(relative):
-        return certain
-    ratio = clipped[certain - 1 : -1] / clipped[certain:]
-    return certain + int(ratio.argmax())
-
-
 def _describe_doubt(relative: FloatArray, rank: int, gap: float, tolerance: float) -> str:
     """Return why the rank is not clear, an empty text if it is."""
     if gap < MIN_CLEAR_GAP:
@@ -152,12 +142,18 @@ def _describe_doubt(relative: FloatArray, rank: int, gap: float, tolerance: floa
             f"the rank is not clear: the singular values at the gap, {relative[rank - 1]:.3g} and "
             f"{relative[rank]:.3g} of the largest, differ by a factor of {gap:.3g} only"
         )
-    if rank and rank == len(relative) and relative[rank - 1] <= NEAR_ZERO_FACTOR * tolerance:
+    if rank and relative[rank - 1] <= NEAR_ZERO_FACTOR * tolerance:
         return (
             f"the rank is not clear: the smallest singular value that counts as not zero is "
-            f"{relative[rank - 1]:.3g} of the largest, next to the tolerance of {tolerance:g}"
+            f"{relative[rank - 1]:.3g} of the largest, next to the tolerance of {tolerance:g}; in a rounded "
+            f"shape it may be zero: --rank-tolerance {_round_up(relative[rank - 1])} counts it so"
         )
     return ""
+
+
+def _round_up(value: float) -> str:
+    """Return a power of ten above a positive number, as a text."""
+    return f"1e{math.floor(math.log10(value)) + 1:d}"
 
 
 def _check_size(matrix: FloatArray) -> None:

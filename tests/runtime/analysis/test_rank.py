@@ -1,4 +1,4 @@
-"""Rank by the gap of singular values."""
+"""Rank by singular values."""
 
 import numpy as np
 import pytest
@@ -48,6 +48,18 @@ def test_values_without_a_clear_gap_are_reported() -> None:
     assert near.rank == 6
     assert "next to the tolerance" in near.warning
     assert find_rank(left @ np.diag([1.0, 1.0, 1.0, 1.0, 1.0, 1e-3]) @ right).warning == ""
+
+
+@pytest.mark.parametrize("last", [0.0, 1e-17])
+def test_a_value_of_rounded_coordinates_is_named_and_counts_as_zero_when_told(last) -> None:
+    """An exact zero beside it does not hide it: the dome of the gallery has both at millimetres."""
+    matrix = np.diag([1.0, 0.5, 0.3, 1.3e-5, last])
+    found = find_rank(matrix)
+    assert found.rank == 4
+    assert "1.3e-05 of the largest" in found.warning
+    assert "--rank-tolerance 1e-4 counts it so" in found.warning
+    told = find_rank(matrix, tolerance=1e-4)
+    assert (told.rank, told.warning) == (3, "")
 
 
 def test_least_solutions() -> None:
