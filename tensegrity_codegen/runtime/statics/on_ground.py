@@ -16,6 +16,7 @@ import scipy
 
 from tensegrity_codegen.runtime.contacts.contacts import Contacts
 from tensegrity_codegen.runtime.contacts.judge_stand import judge_stand
+from tensegrity_codegen.runtime.contacts.roll_onto_feet import roll_onto_feet
 from tensegrity_codegen.runtime.statics.newton import (
     Outcome,
     find_idle_motions,
@@ -80,7 +81,8 @@ def find_on_ground(
     hopeless = None if held else _find_unheld(problem, contacts, touching)
     if hopeless is not None:
         return hopeless.point, hopeless
-    loading = _Loading(problem, touching, search, held=held, tolerance=tolerance)
+    placed = _roll(problem, touching) if contacts.friction else touching
+    loading = _Loading(problem, placed, search, held=held, tolerance=tolerance)
     outcome = loading.refine() if contacts.friction else loading.find_frictionless()
     return _find_point(problem, touching), outcome if held else _judge(problem, touching, outcome)
 
@@ -101,7 +103,7 @@ def _judge(problem: StaticProblem, begun: FloatArray, outcome: Outcome) -> Outco
         if contacts.friction and contacts.slide is not None and not outcome.message:
             return replace(outcome, message="at rest on the belt, which carries it along")
         return outcome
-    if outcome.status in OUT_OF_ITERATIONS:
+    if outcome.status in OUT_OF_ITERATIONS or not _stands_alone(contacts):
         return outcome  # where a search has come to says nothing of where it would end
     pressed = contacts.forces(after)
     for position, force in ((after, pressed if pressed.any() else None), (before, None)):
@@ -196,6 +198,12 @@ def _is_held(problem: StaticProblem, direction: FloatArray) -> bool:
     return bool(min(np.sum(problem.axis == axis) for axis in axes) < count)
 
 
+def _stands_alone(contacts: Contacts) -> bool:
+    """Return whether no anchor holds a node along any axis."""
+    structure = contacts.structure
+    return not structure.node_anchored[:, list(structure.axes)].any()
+
+
 def _find_point(problem: StaticProblem, coordinate: FloatArray) -> Point:
     point = problem.find_point(coordinate)
     assert point is not None
@@ -219,6 +227,18 @@ def _let_down(problem: StaticProblem, start: FloatArray, *, settle: bool, tolera
         problem.forget()
     deepest = float(contacts.depth(problem.node_position(start)).max())
     return np.asarray(start + up * deepest)
+
+
+def _roll(problem: StaticProblem, touching: FloatArray) -> FloatArray:
+    """Return coordinates turned as a rigid whole onto its feet; as they were if it is held, or turns far."""
+    contacts = problem.ground_contacts
+    if not _stands_alone(contacts):
+        return touching
+    before = problem.node_position(touching)
+    after = roll_onto_feet(contacts.ground, before, contacts.external)
+    if find_tilt(before, after, contacts.ground.normal) > MAX_TILT:
+        return touching
+    return np.asarray(touching + (after - before)[problem.node, problem.axis])
 
 
 def _press_in(problem: StaticProblem, touching: FloatArray, held: bool) -> FloatArray:
@@ -337,7 +357,7 @@ class _Loading:
     @cached_property
     def is_hopeless(self) -> bool:
         """Whether it cannot stand as a rigid whole where it touches: shorter steps do not help."""
-        if self.held:
+        if not _stands_alone(self.contacts):
             return False
         position = self.problem.node_position(self.touching)
         stand = judge_stand(self.contacts.structure, position, self.contacts.external)

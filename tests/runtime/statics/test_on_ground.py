@@ -96,16 +96,33 @@ def test_stiff_frames_stand_on_stiff_ground(spring_constant: float, stiffness: f
 
 
 def test_a_search_that_runs_out_of_iterations_does_not_say_that_the_structure_tips() -> None:
-    """Its three feet are a millimetre apart in height: one touches first, and it stands in the end."""
+    """Its three feet are a millimetre apart in height: one touches first, and it stands in the end.
+
+    A guide holds one node along x, so that it does not turn onto its feet before.
+    """
     prism = make_elastic(make_prism())
     place = prism.node_position + np.outer([0.0, 1e-3, 2e-3, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0])
-    model = build(prism.with_changes(node_position=place))
+    guide = np.zeros((6, 3), dtype=bool)
+    guide[3, 0] = True
+    model = build(prism.with_changes(node_position=place, node_anchored=guide))
     short = find_equilibrium(model, max_iterations=1, raise_on_failure=False)
     assert (short.status, short.message) == (
         "iteration_limit",
         "no convergence within the allowed iterations",
     )
     assert find_equilibrium(model, raise_on_failure=False).is_found
+
+
+@pytest.mark.parametrize("degrees", [0.2, 3.0, 12.0])
+def test_a_structure_that_is_let_down_on_one_foot_stands_on_three(degrees: float) -> None:
+    """Turned by up to 15 degrees it falls back onto its facet, in the shape that it has there."""
+    prism = make_elastic(make_prism())
+    level, _ = settle(prism)
+    turn = Rotation.from_euler("xz", [degrees, 25.0], degrees=True).as_matrix()
+    found, feet = settle(prism.with_changes(node_position=prism.node_position @ turn.T))
+    assert found.is_found
+    assert feet.state[:3] == ("stick",) * 3
+    assert found.member_tension == pytest.approx(level.member_tension, rel=1e-6)
 
 
 def test_a_block_above_the_ground_rests_on_it() -> None:
