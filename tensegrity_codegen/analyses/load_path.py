@@ -275,6 +275,7 @@ class LoadPathResult(Result):
             "inputs": dict(self.case.inputs),
             "hint": _advise(path),
             "stable_up_to": path.stable_up_to,
+            "near_bifurcation": path.near_bifurcation,
             "limits": self.flaws.as_evidence(),
         }
 
@@ -284,9 +285,7 @@ class LoadPathResult(Result):
 
         path = self.path
         digits = DIGITS_ON_GROUND if self.model.model.manifest.contact_name else 10
-        flaws = self.flaws.describe()
-        if path.stable_up_to is not None:
-            flaws.insert(0, f"it is stable up to load factor {path.stable_up_to:.{digits}g} only")
+        flaws = path.describe_stability(digits) + self.flaws.describe()
         finding = "; but ".join([f"{path.status}: {path.message}", *flaws])
         sentences = [sentence for sentence in (finding, _advise(path), _summary(path, digits)) if sentence]
         events = self.events

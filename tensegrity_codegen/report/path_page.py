@@ -50,11 +50,13 @@ def build_path_page(
     title = path.message[:1].upper() + path.message[1:]
     if path.stable_up_to is not None:
         title += f"; stable up to {format_short(path.stable_up_to, 5)} only"
+    elif path.near_bifurcation is not None:
+        title += f"; near a bifurcation at {format_short(path.near_bifurcation, 5)}"
     elif events and path.status == "completed":
         title += f"; first event: {events[0].kind} at {format_short(float(events[0].load_factor), 5)}"
     largest = format_short(float(path.load_factor.max()), 5)
     curve: tuple[Block, ...] = _path(path, events, structure, position)
-    curve += tuple(Remark("differs", as_sentence(flaw)) for flaw in flaws)
+    curve += tuple(Remark("differs", as_sentence(flaw)) for flaw in [*path.describe_stability(5), *flaws])
     shapes = tuple(_shapes(path, events, structure, position, columns))
     series = [Series("", path.load_factor, path.smallest_eigenvalue)]
     diagram = Diagram("load factor", "smallest eigenvalue [N/m]", series)

@@ -11,6 +11,7 @@ from tensegrity_codegen.system.summaries import Fact, Summarised, describe_range
 
 # Motions that cost no force, as orthonormal columns (n, k), at coordinates q where the stiffness is K.
 NeutralMotions = Callable[[FloatArray, Any], FloatArray]
+NEAR_BIFURCATION = 0.02  # of the smallest eigenvalues on both sides: a minimum below it is near zero
 STABILITY_LOSS_EVENTS = ("limit", "bifurcation", "stability")  # events at which a stable path ends
 
 
@@ -113,6 +114,33 @@ class LoadPath(Summarised):
             if unstable[0] - 1 <= event.point <= unstable[0]
         ]
         return lost[0] if lost else float(self.load_factor[unstable[0]])
+
+    @property
+    def near_bifurcation(self) -> float | None:
+        """Load factor at which the smallest eigenvalue passes near zero, and rises again; None without any.
+
+        There a structure that differs a little, as a symmetric one whose coordinates are rounded, may lose
+        its stability; its shape turns away instead (an imperfect bifurcation).
+        """
+        value = self.smallest_eigenvalue
+        if len(value) < 3 or value.min() <= 0:
+            return None
+        before, after = np.maximum.accumulate(value), np.maximum.accumulate(value[::-1])[::-1]
+        near = np.flatnonzero(value < NEAR_BIFURCATION * np.minimum(before, after))
+        return float(self.load_factor[near[value[near].argmin()]]) if near.size else None
+
+    def describe_stability(self, digits: int) -> list[str]:
+        """Return sentences about where it is no longer stable, or hardly so."""
+        if self.stable_up_to is not None:
+            return [f"it is stable up to load factor {self.stable_up_to:.{digits}g} only"]
+        if self.near_bifurcation is None:
+            return []
+        first, least = self.smallest_eigenvalue[0], self.smallest_eigenvalue.min()
+        return [
+            f"it passes near a bifurcation at load factor {self.near_bifurcation:.4g}, where the smallest "
+            f"eigenvalue falls from {first:.3g} to {least:.3g} N/m: a structure that differs a little may "
+            "lose its stability there"
+        ]
 
     def find_events(self, *kinds: str) -> tuple[PathEvent, ...]:
         """Return the events of these kinds, in order; all of them if none is named."""

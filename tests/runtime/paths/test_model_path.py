@@ -304,6 +304,19 @@ def test_a_bifurcation_of_a_symmetric_dome_is_found_whatever_the_step(step: floa
     assert way.events[0].load_factor == pytest.approx(11.3227456828, rel=1e-7)
 
 
+def test_a_dome_that_is_not_quite_symmetric_turns_away_near_the_bifurcation() -> None:
+    """0.1 N across beside loads of 1 kN: no eigenvalue crosses zero, the path tells where one is near."""
+    model, load = cable_dome()
+    load[5, 1] = 0.1
+    start = find_equilibrium(model, tolerance=1e-12).coordinate
+    way = follow_path(ModelPath(model, load), start, most=13.5, control=StepControl(largest=0.05))
+    assert (way.status, way.events, way.stable_up_to) == ("completed", (), None)
+    assert way.near_bifurcation == pytest.approx(11.3227456828, rel=1e-2)
+    assert "near a bifurcation at load factor 11.3" in way.describe_stability(10)[0]
+    early = follow_path(ModelPath(model, load), start, most=11.0)
+    assert (early.near_bifurcation, early.describe_stability(10)) == (None, [])
+
+
 @pytest.mark.parametrize("before", [1.6e-6, *thorough(1e-4, 1e-5, 1e-6)])
 def test_a_path_that_begins_just_before_a_bifurcation_finds_it(before: float) -> None:
     model, load = cable_dome()
