@@ -154,14 +154,20 @@ class BodyFrame:
         ]
 
     def straighten(self) -> list[Vector]:
-        """Return the corners with the axes at right angles, by two steps U (3 - U^T U) / 2 [m].
+        """Return the corners with the axes at right angles, near those that are nearest by masses [m].
 
-        As changes, which are small: products with constants would round places the same way at each step.
+        In two steps: a unit of length is missed by u_a (1 - u_a . u_a) / 2, a right angle by the share of
+        u_a . u_b that each moment leaves to the other axis. As changes, which are small: products with
+        constants would round places the same way at each step.
         """
-        axes, changes = self.axes, []
+        axes, changes, moments = self.axes, [], self._moments
         for _ in range(2):
-            square = [[(0.5 if a is b else 0.0) - 0.5 * dot(a, b) for b in axes] for a in axes]
-            changes.append([combine(list(enumerate(column)), axes) for column in square])
+            table = [[dot(a, b) for b in axes] for a in axes]
+            for i, (j, k) in enumerate(PAIRS):
+                angle = table[j][k] * (-1.0 / self._inertia[i])
+                table[i][i] = 0.5 - 0.5 * table[i][i]
+                table[j][k], table[k][j] = moments[k] * angle, moments[j] * angle
+            changes.append([combine(list(enumerate(row)), axes) for row in table])
             axes = [add_vectors(pair) for pair in zip(axes, changes[-1], strict=True)]
         moved = self._spread([ca.SX(0.0)] * 3, [add_vectors(pair) for pair in zip(*changes, strict=True)])
         return [add_vectors(pair) for pair in zip(self.corners, moved, strict=True)]

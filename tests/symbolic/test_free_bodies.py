@@ -121,3 +121,29 @@ def test_flat_thin_and_round_bodies_move_as_others(inertia: tuple[float, ...]) -
     case = Case(0, scene)
     found = case.found("state_derivative", **case.arguments)
     assert differ(found, case.rates(case.y)) < 1e-10
+
+
+@pytest.mark.parametrize("inertia", [(1e-3, 1.5e-3, 2.5e-3), (1e-3, 1e-3, 1e-6)])
+def test_the_consistent_place_of_a_body_is_the_nearest_by_masses(inertia: tuple[float, ...]) -> None:
+    """What is corrected has no momentum, (x - P x)^T H r = 0 for each rigid motion r, but for its squares."""
+    scene = make_random(0)
+    for body in scene["bodies"].values():
+        for key in ("parts", "centre_of_mass"):
+            body.pop(key, None)
+        body |= {"mass": 0.5, "inertia": list(inertia)}
+    case = Case(0, scene)
+    structure, arguments = case.mapped.structure, case.arguments
+    rows = np.array([node for node, _ in structure.coordinate_node_axis])
+    on_body = np.isin(rows, structure.bodies[0].corner)
+    error = np.where(on_body, 1e-7 * np.random.default_rng(4).normal(size=len(rows)), 0.0)
+    bent = arguments | {"coordinate": arguments["coordinate"] + error}
+    straight = case.found("consistent_coordinate", **bent).ravel()
+    place = straight[on_body].reshape(4, 3)
+    motions = [np.tile(axis, (4, 1)) for axis in np.eye(3)] + [np.cross(axis, place) for axis in np.eye(3)]
+    momentum = (case.found("mass_matrix", **arguments) @ (bent["coordinate"] - straight))[on_body]
+    size = np.abs(momentum).sum()
+    assert size > 0
+    for motion in motions:
+        assert abs(momentum @ motion.ravel()) < 1e-4 * size
+    again = case.found("consistent_coordinate", **arguments | {"coordinate": straight}).ravel()
+    np.testing.assert_allclose(again, straight, atol=1e-13)
