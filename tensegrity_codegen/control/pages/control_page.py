@@ -210,6 +210,7 @@ def _judge_loops(study: ControlStudy) -> Table:
         add("largest modulus of an eigenvalue, below 1 where stable", "", ".4f", margins.radius)
         add("further delay of all actuators that makes it unstable", "s", ".3g", margins.delay)
         add("factor of the effect of all actuators that makes it unstable", "", ".3g", margins.gain)
+        add("error of all stiffnesses that makes it unstable", "%", ".3g", 100 * margins.stiffness)
         for who, disk in (
             ("any actuator alone", float(margins.actuator_disk.min())),
             ("each actuator differently", margins.disk),

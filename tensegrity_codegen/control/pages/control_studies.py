@@ -240,6 +240,7 @@ def _describe_margins(margins: Margins, actuators: Sequence[str]) -> dict[str, A
         "is_stable": margins.is_stable,
         "delay": _finite(margins.delay),
         "gain": _finite(margins.gain),
+        "stiffness": _finite(margins.stiffness),
         "spectral_radius": margins.radius,
         "all_actuators": _describe_disk(margins.disk),
         "one_actuator": {"name": actuators[worst], **_describe_disk(float(margins.actuator_disk[worst]))},

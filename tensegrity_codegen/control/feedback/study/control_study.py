@@ -375,7 +375,11 @@ def find_time_constants(gains: Gains, estimator: Estimator | None) -> list[float
 def find_margin_warnings(
     margins: Mapping[str, Margins], bounds: ActuatorBounds, sample: float
 ) -> tuple[str, ...]:
-    """Return a sentence for each linear loop that is unstable, or that one sample of more delay makes so."""
+    """Return a sentence for each linear loop that is unstable, or that one sample of more delay makes so.
+
+    Or stiffnesses that are up to a tenth off: the sampled response of modes near half the sampling rate or
+    above depends on them.
+    """
     sentences = []
     for name, margin in margins.items():
         late = 1000 * float(bounds.delay.max(initial=0.0))
@@ -390,6 +394,12 @@ def find_margin_warnings(
                 f"{LOOP_NAMES[name]}: {1000 * margin.delay:.3g} ms more delay make the loop unstable, less "
                 f"than one sample ({1000 * sample:.3g} ms), which computing and sending a command may take: "
                 "state it as delay of the actuators, or choose weaker feedback (a smaller effort)"
+            )
+        if margin.is_stable and np.isfinite(margin.stiffness):
+            sentences.append(
+                f"{LOOP_NAMES[name]}: stiffnesses that are all {100 * margin.stiffness:.2g} % off make the "
+                f"loop unstable: a shorter sample, of which half the rate (now {0.5 / sample:.3g} Hz) is "
+                "above the natural frequencies, or weaker feedback (a smaller effort) tolerates more"
             )
     return tuple(sentences)
 

@@ -1,7 +1,7 @@
 """The linear closed loop at the end of a motion: stability, margins, covariance of its errors by noise."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,7 @@ SETTLING_CONSTANTS = 5.0  # time constants of the estimate, up to the time from 
 
 MAX_SAMPLES = 10  # of more delay that are tried
 FACTORS = tuple(1.5**k for k in range(1, 7))  # of the actuators' effect that are tried
+STIFFNESS_PARTS = (0.02, 0.04, 0.06, 0.08, 0.1)  # by which all stiffnesses are off that are tried
 HALVINGS = 6
 FREQUENCIES = 200  # at which a loop is looked at, besides those of its eigenvalues
 LOWEST = 1e-4  # of the highest frequency
@@ -125,6 +126,12 @@ class LinearLoop:
     def radius(self, more_delay: float = 0.0, factor: float = 1.0) -> float:
         """Return the largest modulus of an eigenvalue of the transition, below 1 for a stable loop."""
         return float(np.abs(np.linalg.eigvals(self.step(more_delay, factor)[0])).max(initial=0.0))
+
+    def with_stiffness(self, factor: float) -> "LinearLoop":
+        """Return the loop whose forces by displacements are larger by a factor, unknown to the controller."""
+        n, matrix = len(self.state_matrix) // 2, self.state_matrix.copy()
+        matrix[n:, :n] *= factor
+        return replace(self, state_matrix=matrix)
 
     def covariance(self) -> FloatArray:
         """Return the covariance that noise gives the coordinates, (n_x / 2, n_x / 2); infinite if unstable.
@@ -259,6 +266,8 @@ class Margins:
     is_stable: whether the loop itself is stable.
     delay [s]: largest further delay of all actuators, infinite if ten samples more are not too many.
     gain: largest factor of the effect of all actuators, infinite if 11 is not too much.
+    stiffness: largest part by which all stiffnesses may be higher or lower, infinite if a tenth is not too
+        much.
     radius: largest modulus of an eigenvalue of the transition of one sample, below 1 for a stable loop.
     disk: disk margin where the effects of all actuators change at once, each by its own factor: at least
         this.
@@ -273,6 +282,7 @@ class Margins:
     is_stable: bool
     delay: float
     gain: float
+    stiffness: float
     radius: float
     disk: float
     actuator_disk: FloatArray
@@ -292,16 +302,21 @@ def find_phase(disk: float) -> float:
 
 
 def find_margins(loop: LinearLoop) -> Margins:
-    """Return the margins of a loop: delay and gain to about 1 %, disks at its worst frequencies."""
+    """Return the margins of a loop: delay, gain, stiffness to about 1 %, disks at its worst frequencies."""
     radius = loop.radius()
     if not radius < 1.0:
-        return Margins(False, 0.0, 1.0, radius, 0.0, np.zeros(len(loop.delay)))
+        return Margins(False, 0.0, 1.0, 0.0, radius, 0.0, np.zeros(len(loop.delay)))
     sample = loop.gains.sample
     delays = [sample * count for count in range(1, MAX_SAMPLES + 1)]
     return Margins(
         True,
         _find_first(lambda more: loop.radius(more_delay=more), 0.0, delays),
         _find_first(lambda factor: loop.radius(factor=factor), 1.0, FACTORS),
+        _find_first(
+            lambda part: max(loop.with_stiffness(1.0 + sign * part).radius() for sign in (-1.0, 1.0)),
+            0.0,
+            STIFFNESS_PARTS,
+        ),
         radius,
         *find_disks(loop),
     )

@@ -73,6 +73,29 @@ def test_loops_are_stable_up_to_their_margins(
     assert np.isinf(margins.gain) or loop.radius(factor=1.03 * margins.gain) > 1.0
 
 
+def test_a_sample_near_the_period_of_a_mode_leaves_little_to_errors_of_stiffness(
+    model: CompiledModel, motion: Motion
+) -> None:
+    """Half of 50 Hz lies below the prism's 28.4 Hz: a per cent decides; half of 100 Hz does not."""
+    margins = {}
+    for sample in (0.01, 0.02):
+        weights = choose_weights(model, motion, sample=sample)
+        gains = design_lqr(
+            model, motion, weights.Q, weights.R, sample=sample, integral_action=weights.integral_action
+        )
+        loop = build(model, motion, gains, None)
+        margins[sample] = find_margins(loop).stiffness
+    frequency = np.abs(np.linalg.eigvals(loop.state_matrix).imag).max() / (2 * np.pi)
+    assert 25.0 < frequency < 50.0
+    assert margins[0.01] == np.inf
+    assert 0.0 < margins[0.02] < 0.02
+
+    def worst(part: float) -> float:
+        return max(loop.with_stiffness(1.0 + sign * part).radius() for sign in (-1.0, 1.0))
+
+    assert worst(0.95 * margins[0.02]) < 1.0 < worst(1.1 * margins[0.02])
+
+
 def test_simulated_loops_fail_beyond_the_margin(model: CompiledModel, motion: Motion, gains: Gains) -> None:
     """Delays that gains do not know: a fifth below the margin the loop settles, a fifth above it swings."""
     margins = find_margins(build(model, motion, gains, None))
