@@ -75,9 +75,9 @@ class SweptControl(CaseAnalysis):
     It is no `SceneAnalysis`: the verb `control` designs the controller for the scene of the case itself.
 
     keep: names of RESULTS; by default DEFAULT_RESULTS.
-    to, plan, duration, sample_time, effort, least_tension, mpc, horizon, t_end, last, start_error, draws: as
-        of the verb `control`, with `sample_time` for `sample`; several targets of `to` are joined by
-        semicolons.
+    to, plan, duration, sample_time, effort, least_tension, mpc, horizon, disturbance, only_observable, t_end,
+        last, start_error, draws: as of the verb `control`, with `sample_time` for `sample`; several targets
+        of `to` are joined by semicolons.
     draw_seed: seed of start errors and noise.
     design: of the unchanged scene; `prepared` makes it.
     """
@@ -96,6 +96,14 @@ class SweptControl(CaseAnalysis):
     ] = None
     mpc: Annotated[bool, Option("model-predictive control in place of gains.", ("mpc", True))] = False
     horizon: Annotated[int, Option("commands that --mpc plans ahead.")] = HORIZON
+    disturbance: Annotated[
+        float | None,
+        Option("how fast the estimator lets disturbance forces change [N or N m in 1 s]; 0: none."),
+    ] = None
+    only_observable: Annotated[
+        bool,
+        Option("estimate disturbance forces only where sensors tell them apart.", ("only_observable", True)),
+    ] = False
     t_end: Annotated[float | None, Option("simulated time [s].")] = None
     last: Annotated[float | None, Option("time before the end in which errors count [s].")] = None
     start_error: Annotated[float | None, Option("by how much coordinates are off at the start [m].")] = None
@@ -166,6 +174,8 @@ class SweptControl(CaseAnalysis):
             least_tension=self.least_tension,
             mpc=self.mpc,
             horizon=self.horizon,
+            disturbance=self.disturbance,
+            only_observable=self.only_observable,
         )
 
     def needs(self, structure: Subject, request: ModelRequest) -> Needs:

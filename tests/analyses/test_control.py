@@ -242,6 +242,15 @@ def test_other_controllers_are_those_of_the_verb(lift: Path, options: dict[str, 
     np.testing.assert_array_equal(again.command, CaseLoop(loop.model, loop).run({}, {}, 0, 0).command)
 
 
+def test_the_estimator_has_the_options_of_the_verb(lift: Path) -> None:
+    estimators = [design(lift, **options).controller.estimator for options in ({}, {"disturbance": 0.0})]
+    assert [len(estimator.disturbed) for estimator in estimators if estimator is not None] == [1, 0]
+    plain, shown = (design(lift, only_observable=value).controller.estimator for value in (False, True))
+    assert plain is not None
+    assert shown is not None
+    np.testing.assert_array_equal(shown.L, plain.L)  # sensors show the only force
+
+
 def test_a_loop_whose_programs_are_not_solved_has_this_status(
     lift: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -282,7 +282,8 @@ def _raise_unobservable(
         where=f"{scene}: design_kalman",
         given=f"rank {mode.rank} of {mode.size} with {len(sensing.noise)} numbers: {shown}",
         allowed="sensors that show every motion and disturbance force that does not decay",
-        hint="add sensors, or estimate fewer forces (`only_observable=True`) or none (`disturbance=0`)",
+        hint="estimate fewer forces (`only_observable=True`) or none (`disturbance=0`), or add sensors; "
+        "forces along stiff bars move nothing that sensors tell from rounding",
     )
 
 
