@@ -263,8 +263,10 @@ class EquilibriumResult(SearchResult):
             for key, values in places.items()
             if values is not None
         }
+        checks = equilibrium.members
         return {
             **equilibrium.as_evidence(),
+            "limits": None if checks is None else checks.as_dict(members),
             "node_position": dict(zip(nodes, equilibrium.node_position.tolist(), strict=True)),
             **placed,
             "member_length": dict(zip(members, equilibrium.member_length.tolist(), strict=True)),

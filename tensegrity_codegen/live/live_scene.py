@@ -29,7 +29,7 @@ from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.body_meshes import build_mesh
 from tensegrity_codegen.structure.limits import MEMBER_LIMITS
-from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS, check_members
+from tensegrity_codegen.structure.member_limits import check_members
 from tensegrity_codegen.structure.outline import find_joints, hide_edges, outline_bodies, split_at_rings
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
@@ -108,9 +108,9 @@ def compute_uses(
     if not any(np.any(getattr(limits, name) != none) for name, none in MEMBER_LIMITS.items()):
         return None
     length = structure.strands.lengths(position)[:, : subject.n_members]
-    use = check_members(subject, tension[:, : subject.n_members], length).use
+    checks = check_members(subject, tension[:, : subject.n_members], length)
     result = np.full(tension.shape, np.nan)
-    result[:, : subject.n_members] = np.fmax.reduce([use[name] for name in MEMBER_CHECKS])
+    result[:, : subject.n_members] = checks.member_use
     limited: FloatArray = np.minimum(result, MAX_USE)
     return limited
 

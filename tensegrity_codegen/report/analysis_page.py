@@ -271,7 +271,7 @@ def _members(analysis: Analysis, member_name: tuple[str, ...]) -> Section:
     if members.worst is not None:
         member, limit, use = members.worst
         claim = f"nearest to a limit: {member}, {LIMIT_NAMES[limit]}, {100 * use:.3g} % used"
-        uses = np.nan_to_num([members.use[name][:count] for name in MEMBER_CHECKS]).max(axis=0)
+        uses = np.nan_to_num(members.member_use[:count])
         head = tuple(np.argsort(-uses, kind="stable")[:8].tolist())
     note = "the nearest to a limit" if head else ""
     table = Table("Members at the present tensions", tuple(columns), rows, head=head, head_note=note)

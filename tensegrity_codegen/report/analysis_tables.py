@@ -110,16 +110,8 @@ def _describe_certificate(
 
 
 def _describe_limits(analysis: Analysis, member_name: Sequence[str]) -> dict[str, Any]:
-    members = analysis.members
-    worst = members.worst
     return {
-        "is_met": not members.exceeded,
-        "worst": None if worst is None else dict(zip(("member", "limit", "use"), worst, strict=True)),
-        **members.as_evidence(),
-        "use": {limit: _name(member_name, members.use[limit]) for limit in MEMBER_CHECKS},
-        "member_stress": _name(member_name, members.stress),
-        "buckling_load": _name(member_name, members.buckling_load),
-        "buckling_factor": _name(member_name, members.buckling_factor),
+        **analysis.members.as_dict(member_name),
         "least_bar_distance": None
         if analysis.bar_distance is None
         else float(analysis.bar_distance.min(initial=np.inf)),

@@ -203,11 +203,14 @@ def members_table(
 ) -> LongTable:
     """Return a table of the members: lengths (n_members,) [m], tensions (n_members,) [N], and their state.
 
-    The strain is (l - rho) / rho, from the stated rest lengths rho. checks: members against their limits.
+    The strain is (l - rho) / rho, from the stated rest lengths rho. checks: members against their limits;
+    their use is a column if there are any.
     """
     structure = hide_bodies(structure)
     member_length, member_tension = (x[: structure.n_members] for x in (member_length, member_tension))
     strain = 100 * (member_length - structure.rest_length) / structure.rest_length
+    use = _find_uses(checks, structure.n_members)
+    used = [] if np.isnan(use).all() else ["use"]
 
     def describe(e: int) -> list[str]:
         # In a word the state of the member; a tension-only one without tension is slack
@@ -218,12 +221,13 @@ def members_table(
         nodes = "–".join(structure.node_name[n] for n in structure.path(e))
         return [
             structure.member_name[e], kind, nodes, f"{structure.rest_length[e]:.5f}",
-            f"{member_length[e]:.5f}", f"{strain[e]:+.2f}", f"{value:+.5g}", state,
+            f"{member_length[e]:.5f}", f"{strain[e]:+.2f}", f"{value:+.5g}",
+            *(_show_use(use[e]) for _ in used), state,
         ]  # fmt: skip
 
-    heads = ("rest\nlength\n[m]", "length\n[m]", "strain\n[%]", "tension\n[N]", "state")
+    heads = ("rest\nlength\n[m]", "length\n[m]", "strain\n[%]", "tension\n[N]", *used, "state")
     return LongTable(
-        f"{structure.name}: members", ("member", "class", "nodes", *heads), "fffrrrrl",
+        f"{structure.name}: members", ("member", "class", "nodes", *heads), f"fffrrrr{'r' * len(used)}l",
         structure.n_members, describe, "members", rank_members(structure, member_tension, checks),
         short=classes_table(
             structure, {"length\n[m]": member_length, "tension\n[N]": member_tension}, member_tension, checks
@@ -231,9 +235,13 @@ def members_table(
     )  # fmt: skip
 
 
-def _cut_uses(checks: MemberChecks | None, count: int) -> list[FloatArray]:
-    """Return the used parts of limits of the first members, which are those of tables."""
-    return [] if checks is None else [use[:count] for use in checks.use.values()]
+def _find_uses(checks: MemberChecks | None, count: int) -> FloatArray:
+    """Return the largest part of a limit that each of the first members uses, which are those of tables."""
+    return np.full(count, np.nan) if checks is None else checks.member_use[:count]
+
+
+def _show_use(use: float) -> str:
+    return "" if np.isnan(use) else f"{use:.4g}"
 
 
 def classes_table(
@@ -252,8 +260,7 @@ def classes_table(
         rows.setdefault(name or ("bar" if structure.is_bar[e] else "cable"), []).append(e)
     if not 2 < len(rows) <= len(structure.member_class) // 2 or not any(structure.member_class):
         return None
-    unknown = np.full(len(member_tension), np.nan)
-    use = np.fmax.reduce([unknown, *_cut_uses(checks, len(unknown))])
+    use = _find_uses(checks, len(member_tension))
     weight = np.where(np.isnan(use), np.abs(member_tension) / (1 + np.abs(member_tension).max()) - 2, use)
     worst = {name: max(members, key=lambda e: weight[e]) for name, members in rows.items()}
     names = list(rows)
@@ -264,10 +271,7 @@ def classes_table(
             " to ".join(dict.fromkeys(f"{x:.5g}" for x in (value[members].min(), value[members].max())))
             for value in values.values()
         ]
-        return [
-            names[k], str(len(members)), *texts, "" if np.isnan(use[at]) else f"{use[at]:.4g}",
-            structure.member_name[at],
-        ]  # fmt: skip
+        return [names[k], str(len(members)), *texts, _show_use(use[at]), structure.member_name[at]]
 
     heads = ("class", "members", *values, "largest\nuse", "where")
     order = rank_rows(np.array([-weight[worst[name]] for name in names]))
@@ -313,8 +317,7 @@ def rank_members(
     structure: with its bars; member_tension (n_members,) [N]: tensions; checks: members against their limits;
     if there are any, these count in place of the compression of bars.
     """
-    unknown = np.full(len(member_tension), np.nan)
-    use = np.fmax.reduce([unknown, *_cut_uses(checks, len(unknown))])
+    use = _find_uses(checks, len(member_tension))
     limited = np.flatnonzero(~np.isnan(use))
     bars = np.flatnonzero(structure.is_bar)
     cables = np.flatnonzero(~structure.is_bar)

@@ -1,7 +1,7 @@
 """Members against their limits: tension, yield stress, Euler buckling, strain."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -138,6 +138,29 @@ class MemberChecks(MemberFlaws):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return reduce_fields(self)
+
+    @property
+    def member_use(self) -> FloatArray:
+        """Largest part that each member uses of its stated limits, (..., n_members); nan without any."""
+        largest: FloatArray = np.fmax.reduce([self.use[limit] for limit in MEMBER_CHECKS])
+        return largest
+
+    def as_dict(self, member_name: Sequence[str]) -> dict[str, Any]:
+        """Return one state of the members, by name, JSON-ready."""
+
+        def name(values: FloatArray) -> dict[str, float]:
+            return dict(zip(member_name, values.tolist(), strict=True))
+
+        worst = None if self.worst is None else dict(zip(("member", "limit", "use"), self.worst, strict=True))
+        return {
+            "is_met": not self.exceeded,
+            "worst": worst,
+            **self.as_evidence(),
+            "use": {limit: name(self.use[limit]) for limit in MEMBER_CHECKS},
+            "member_stress": name(self.stress),
+            "buckling_load": name(self.buckling_load),
+            "buckling_factor": name(self.buckling_factor),
+        }
 
 
 @np.errstate(all="ignore")

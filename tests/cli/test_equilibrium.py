@@ -338,6 +338,8 @@ rod = {{ kind = "bar", youngs_modulus = 2e11, radius = {radius}, rest_length = 1
 [[loads]]
 node = "top"
 force = [-100]
+[limits]
+yield_stress = 1e9
 """
     path = write(folder / "column.toml", text)
     np.savez(folder / "starts.npz", coordinate=[[1.0], [0.999999]])
@@ -354,6 +356,8 @@ force = [-100]
     data = run("equilibrium", path, "--json").data
     assert data["status"] == "converged"
     assert [item["limit"] for item in data["limits"]["doubtful"]] == ["buckling"] * beyond
+    assert data["limits"]["use"]["yield_stress"]["rod"] == pytest.approx(100 / (np.pi * radius**2 * 1e9))
+    assert run("analyse", path, "--settle", "--json").data["limits"].keys() >= data["limits"].keys()
 
 
 def test_bodies_hang_with_their_centres_below_what_holds_them(run: Run, folder: Path) -> None:

@@ -135,8 +135,13 @@ def test_many_members_of_few_classes_are_shown_class_by_class():
     limits = replace(Limits().for_members(6), most_tension=np.array([np.inf, 4.0, 40, 5, 40, 4.5]))
     limited = structure.with_changes(limits=limits)
     checks = check_members(limited, tension, limited.member_length())
-    body = rows(members_table(limited, limited.member_length(), tension, checks).short)[1]
-    assert [row[-2:] for row in body] == [("", "e0"), ("0.5", "e1"), ("0.8889", "e5")]
+    table = members_table(limited, limited.member_length(), tension, checks)
+    assert [row[-2:] for row in rows(table.short)[1]] == [("", "e0"), ("0.5", "e1"), ("0.8889", "e5")]
+    header, body = rows(table)
+    assert header[-2:] == ["use", "state"]
+    assert [row[-2] for row in body] == ["", "0.5", "0.25", "0.8", "0.025", "0.8889"]
+    free = check_members(structure, tension, structure.member_length())
+    assert "use" not in rows(members_table(structure, structure.member_length(), tension, free))[0]
     for classes in (("", "", "", "", "", ""), ("a", "a", "b", "b", "a", "b"), tuple("abcdef")):
         other = structure.with_changes(member_class=classes)
         assert members_table(other, other.member_length(), tension).short is None
