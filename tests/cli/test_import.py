@@ -12,6 +12,7 @@ from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.structure.structure import Structure
 from tests.cli.conftest import Run
 from tests.reference import ReferenceModel
+from tests.scene.formats.test_import_tables import FOUR, STEEL
 
 NODE_COLUMNS = ["node", "x", "y", "z", "vx", "vy", "vz", "mass", "anchored"]
 MEMBER_COLUMNS = ["member", "kind", "node_i", "node_j", "rest_length", "spring_constant", "axial_stiffness",
@@ -156,6 +157,24 @@ def test_a_bad_cell_is_named_with_file_line_and_column(run: Run, folder: Path) -
         ended = run.refused("import", *write_tables(folder, NODES, members), "-o", "tripod.toml", "--json")
         assert ended.data["where"] == f"members.csv: line 5, column {name}"
         assert not Path("tripod.toml").exists()
+
+
+@pytest.mark.parametrize("words", [[], ["--scale", "0.5"]])
+@pytest.mark.parametrize(
+    ("old", "new", "place"),
+    [
+        ("CHS 60.3x3.2", "CHS60.3*3.2", "line 2, column section"),
+        ("0.06 0.003", "0.06 0.03", "line 3, column section"),
+        ("7.5e8", "-7.5e8", "line 5, column yield_stress"),
+    ],
+)
+def test_values_that_no_scene_may_have_are_named_by_line_and_column(
+    words: list[str], old: str, new: str, place: str, run: Run, folder: Path
+) -> None:
+    for name, text in (("n.csv", FOUR), ("m.csv", STEEL.replace(old, new, 1))):
+        (folder / name).write_text(text, encoding="utf-8")
+    ended = run("import", "n.csv", "m.csv", "--out", "scene.toml", *words)
+    assert (ended.code, ended.err.startswith(f"error: m.csv: {place}: ")) == (2, True)
 
 
 @pytest.mark.parametrize("gravity", ["0,0", "0,0,down", "0,0,nan"])

@@ -98,7 +98,8 @@ def import_foreign(
             gravity=None if gravity is None else parse_vector(gravity, "--gravity"),
             **{key: None if value is False else value for key, value in vars(formats).items()},
         )
-        structure, _ = assemble_scene(parse_scene(imported.document, str(sources[0])), str(sources[0]))
+        with imported.locate_errors():
+            structure, _ = assemble_scene(parse_scene(imported.document, str(sources[0])), str(sources[0]))
         check_output(out, inputs=sources, overwrite=overwrite)
         write_scene(imported.document, out, overwrite=overwrite)
         turned = any("lies on its side" in note for note in imported.notes)

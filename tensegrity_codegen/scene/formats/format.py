@@ -262,8 +262,9 @@ def read_files(
         return chosen.read(*paths, name=name, gravity=gravity, **stated)
     result = chosen.read(*paths, name=name, gravity=None, **stated)
     where = str(paths[0])
-    checked = parse_scene(result.document, where).to_document()
+    with result.locate_errors():
+        checked = parse_scene(result.document, where).to_document()
     document, notes = change_frame(checked, up, scale, where)
     if gravity is not None:
         document["gravity"] = [float(value) for value in gravity]
-    return ImportResult(document, (*result.notes, *notes))
+    return ImportResult(document, (*result.notes, *notes), result.places)

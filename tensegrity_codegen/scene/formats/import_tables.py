@@ -8,6 +8,7 @@ SI units; docs/import.md says what each column means, and by which other names c
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +75,9 @@ def import_tables(
     network.members = [_read_member(foreign, row, network.nodes) for foreign, row in named.items()]
     limits = {foreign: row_limits for foreign, row in named.items() if (row_limits := _read_limits(row))}
     network.control = {"limits": {"members": limits}} if limits else {}
-    return build_result(network, nodes_path, name, gravity)
+    result = build_result(network, nodes_path, name, gravity)
+    of_limits = {f"limits.{path}": place for path, place in result.places.items()}
+    return replace(result, places={**result.places, **of_limits})
 
 
 def _names_members(path: Path) -> bool:

@@ -6,15 +6,15 @@ the file, for messages.
 """
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from tensegrity_codegen.scene.checks.limits import check_regular
-from tensegrity_codegen.scene.names import check_known, check_scene_name, is_name, is_scene_name
+from tensegrity_codegen.scene.names import check_known, check_scene_name, is_name, is_scene_name, key_path
 from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidValueError,
@@ -26,14 +26,30 @@ from tensegrity_codegen.system.errors import (
 )
 
 _MAX_NAME_LENGTH = 63
+_TABLE_KEY = re.compile(r": ((?:limits[.])?members[.]\w+)(?:[.](\w+))?")  # of a member, and behind it
 
 
 @dataclass(frozen=True)
 class ImportResult:
-    """A scene document made from foreign files, with notes on changes, assumptions and omissions."""
+    """A scene document made from foreign files, with notes on changes, assumptions and omissions.
+
+    places: by the path of a table of the document, "members.m1", what finds its values in the files.
+    """
 
     document: dict[str, Any]
     notes: tuple[str, ...]
+    places: Mapping[str, "Where"] = field(default_factory=dict, compare=False)
+
+    @contextmanager
+    def locate_errors(self) -> Iterator[None]:
+        """Let errors of the document name the places of values in the files."""
+        try:
+            yield
+        except SceneError as error:
+            found = _TABLE_KEY.search(error.where)
+            if found and found[1] in self.places:
+                error.where = self.places[found[1]](found[2] or "")
+            raise
 
 
 class NameBook:
@@ -241,7 +257,11 @@ class NetworkMember:
     ends: tuple[str, ...]
     values: Mapping[str, Any]
     where: str
-    place_of: Callable[[str], str] | None = None
+    place_of: Where | None = None
+
+    def find_place(self, key: str) -> str:
+        """Return the place of a value in the file by its key, of the member itself without one."""
+        return self.place_of(key) if self.place_of and key else key_path(self.where, key)
 
 
 @dataclass
@@ -312,11 +332,9 @@ def build_result(
             member["class"] = class_names[member["class"]]
             class_table = classes.setdefault(member["class"], {"kind": member["kind"]})
             if class_table["kind"] != member.pop("kind"):
-                where = (member_entry.place_of or partial(_place_key, member_entry.where))("class")
+                where, value = member_entry.find_place("class"), member_entry.values["class"]
                 problem, allowed = "a class with bars and cables", "classes of one kind"
-                raise InvalidValueError(
-                    problem, where=where, given=member_entry.values["class"], allowed=allowed
-                )
+                raise InvalidValueError(problem, where=where, given=value, allowed=allowed)
     document |= {"classes": classes} if classes else {}
     if members or not network.bodies:
         document["members"] = members
@@ -340,7 +358,8 @@ def build_result(
     document |= _rename_control(network.control, node_names, member_names, body_names)
     notes += [*node_notes, *member_notes, *class_notes, *input_notes]
     defaults = note_defaults(members.values())
-    return ImportResult(document, (*notes, *network.notes, *defaults))
+    places = {f"members.{member_names[entry.name]}": entry.find_place for entry in network.members}
+    return ImportResult(document, (*notes, *network.notes, *defaults), places)
 
 
 def _name_bodies(
@@ -386,13 +405,9 @@ def _build_members(
             raise DuplicateNameError(problem, where=location, given=" and ".join(entry.ends), allowed=allowed)
         seen[pair] = entry.where
         member = {"kind": entry.values["kind"], "nodes": [nodes[end] for end in entry.ends], **entry.values}
-        check_member(member, entry.place_of or partial(_place_key, entry.where))
+        check_member(member, entry.find_place)
         built[names[entry.name]] = member
     return built
-
-
-def _place_key(where: str, key: str) -> str:
-    return f"{where}: {key}"
 
 
 def _rename_control(
