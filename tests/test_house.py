@@ -228,7 +228,7 @@ MAX_LINES = {
     "pipeline": 3_775,  # needs of derivatives
     "report": 5_800,  # surfaces of bodies, pages of load paths
     "runtime": 22_300,  # bodies in motions and statics; turns onto feet
-    "scene": 13_450,  # rigid bodies with parts, and their import
+    "scene": 13_490,  # rigid bodies with parts, and their import; doubts of units
     "structure": 3_750,  # rigid bodies
     "studies": 7_900,
     "sweeps": 8_950,  # bodies

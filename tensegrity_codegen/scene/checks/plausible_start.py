@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.scene.checks.plausible_sizes import warn_of_sizes
 from tensegrity_codegen.structure.bodies import Bar, BodySystem
 from tensegrity_codegen.structure.contact_estimates import (
     Subject,
@@ -26,6 +27,9 @@ OVERLAP = 1e-9  # of the structure's size
 MAX_PAIRS = 200_000  # of bars whose distances are compared
 FACTOR = 1000.0  # between neighbours
 LARGE_STRAIN = 0.5  # above which the units are doubted
+LONG_RATIO = 10.0  # of the rest length of a slack cable over the distance of its ends
+LEAST_MODULUS = 5e5  # [Pa], below that of rubber bands, above that of steel in MPa
+LEAST_YIELD_STRESS = 1e4  # [Pa], below that of rubber, above that of steel in MPa
 
 
 def warn_of_slack(structure: Structure) -> list[str]:
@@ -42,6 +46,27 @@ def warn_of_slack(structure: Structure) -> list[str]:
         f"none of the {count} cables starts in tension ({state}): there is no prestress; `analyse SCENE "
         "--prestress FORCE --scene-out FILE` finds one with all cables in tension, if there is any"
     ]
+
+
+def warn_of_units(structure: Structure) -> list[str]:
+    """Return warnings for lengths that seem to be in mm, and stresses in MPa."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        times = structure.rest_length / structure.member_length()
+        modulus = structure.axial_stiffness / structure.section_area
+    is_long = ~structure.is_bar & np.isfinite(times) & (times > LONG_RATIO)
+    is_soft = (modulus > 0) & (modulus < LEAST_MODULUS)
+    is_soft &= not (is_soft.any() and warn_of_sizes(structure))
+    stress = structure.limits.yield_stress
+    checked = (
+        (is_long, "the rest length is many times the distance of the ends (in mm?)", times, "times"),
+        (is_soft, "Young's modulus EA / A is below that of rubber (in MPa?)", modulus, "Pa"),
+        (stress < LEAST_YIELD_STRESS, "the yield stress is below that of any solid (in MPa?)", stress, "Pa"),
+    )
+    sentences = []
+    for which, problem, value, unit in checked:
+        shown = [f"{structure.member_name[e]} ({value[e]:.6g} {unit})" for e in np.flatnonzero(which)]
+        sentences += [f"{problem}: {name_list(shown, most=3)}"] if shown else []
+    return sentences
 
 
 def warn_of_crossing(subject: Structure | BodySystem) -> list[str]:

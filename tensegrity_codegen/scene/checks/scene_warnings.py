@@ -22,6 +22,7 @@ from tensegrity_codegen.scene.checks.plausible_start import (
     warn_of_outliers,
     warn_of_sag,
     warn_of_slack,
+    warn_of_units,
 )
 from tensegrity_codegen.scene.names import describe_pieces
 from tensegrity_codegen.structure.bodies import BodySystem, FixedBody
@@ -37,6 +38,7 @@ from tensegrity_codegen.system.errors import name_list
 
 ROUNDING = 1e-9  # relative excess that is no warning
 MAX_PAIRS = 200_000  # of bars whose distances are compared
+WITHIN_BODY = "members between points of one rigid body never change their length"
 
 
 def warn_of_ranges(subject: Structure | BodySystem) -> list[str]:
@@ -148,8 +150,8 @@ def find_scene_warnings(subject: Structure | BodySystem, *, settles: bool = Fals
 def find_warnings(structure: Structure) -> tuple[str, ...]:
     """Return one short sentence for each kind of warning, naming the first few members or nodes.
 
-    Doubts: extension above 50 % at the start (wrong units suspected), loads and force inputs that only
-    push on anchors, members between anchored nodes, damping of rigid bars, several unconnected pieces;
+    Doubts: extension above 50 % at the start and other units, loads and force inputs that only push on
+    anchors, members between anchored nodes or on one body, damping of rigid bars, unconnected pieces;
     sizes and forces (see plausible_sizes), ranges and limits, a structure on its
     side, and a start without prestress, with bars that cross or buckle (see plausible_start). Corners and
     edges of bodies are no nodes and bars there. The structure is taken as sound (see `check_structure`).
@@ -157,8 +159,12 @@ def find_warnings(structure: Structure) -> tuple[str, ...]:
     check_instance(structure, Structure, "structure", "a Structure")
     whole, structure = structure, hide_bodies(structure)
     held = find_fully_anchored(structure.node_anchored, structure.axes)
-    between_anchors = np.ones(structure.n_members, dtype=np.bool_)
-    np.logical_and.at(between_anchors, structure.strands.member, held[structure.strands.ends].all(axis=1))
+    between_anchors = _find_spanning(structure, np.all(held[structure.strands.ends], axis=1))
+    body = np.arange(whole.n_nodes)
+    for place in whole.body_places:
+        body[list(place.point)] = place.corner[0]
+    start, stop = body[structure.strands.ends].T
+    within_body = _find_spanning(structure, start == stop)
     pushed = held & (np.abs(structure.node_load).sum(axis=1) > 0)
     damped = structure.is_rigid & (structure.damping > 0)
     idle = [
@@ -167,10 +173,12 @@ def find_warnings(structure: Structure) -> tuple[str, ...]:
     sentences = [
         *structure.notes,
         _strain_warning(structure) if structure.n_members else "",
+        *warn_of_units(structure),
         _sentence(pushed, structure.node_name, "a load on a fully anchored node moves nothing"),
         _sentence(
             between_anchors, structure.member_name, "members between two fully anchored nodes never move"
         ),
+        _sentence(within_body, structure.member_name, WITHIN_BODY),
         _sentence(damped, structure.member_name, "the damping of rigid bars has no effect"),
         f"force inputs on fully anchored nodes move nothing: {name_list(idle)}" if idle else "",
         _pieces_warning(whole),
@@ -199,12 +207,15 @@ def find_body_warnings(system: BodySystem) -> tuple[str, ...]:
     held, ends = structure.node_anchored[:, 0], structure.connectivity
     pushed = held & (np.abs(system.node_load).sum(axis=1) > 0)
     between = held[ends[:, 0]] & held[ends[:, 1]]
-    joined = {int(body) for body in system.node_body[ends.ravel()]}
+    start, stop = system.node_body[ends].T
+    joined = {*start.tolist(), *stop.tolist()}
     lonely = [body not in joined and not isinstance(b, FixedBody) for body, b in enumerate(system.bodies)]
     sentences = [
         _strain_warning(structure) if structure.n_members else "",
+        *warn_of_units(structure),
         _sentence(pushed, system.node_name, "a load on a fixed point moves nothing"),
         _sentence(between, system.member_name, "tendons between two fixed points never move"),
+        _sentence((start == stop) & ~between, system.member_name, WITHIN_BODY),
         _sentence(np.array(lonely), [b.name for b in system.bodies], "no tendon joins these bodies"),
         *warn_of_upward_gravity(system.gravity, system.axes),
         *warn_of_strong_gravity(system.gravity),
@@ -215,6 +226,13 @@ def find_body_warnings(system: BodySystem) -> tuple[str, ...]:
         *warn_of_members(system),
     ]
     return tuple(sentence for sentence in sentences if sentence)
+
+
+def _find_spanning(structure: Structure, which: BoolArray) -> BoolArray:
+    """Return the members all of whose strands are among `which` (n_strands,)."""
+    found = np.ones(structure.n_members, dtype=np.bool_)
+    np.logical_and.at(found, structure.strands.member, which)
+    return found
 
 
 def _sentence(which: BoolArray, names: Sequence[str], text: str) -> str:

@@ -13,6 +13,7 @@ from tensegrity_codegen.scene.checks.plausible_start import (
     warn_of_sag,
     warn_of_sampled_contacts,
     warn_of_slack,
+    warn_of_units,
 )
 from tensegrity_codegen.scene.checks.scene_warnings import (
     find_body_warnings,
@@ -45,6 +46,48 @@ def test_cables_without_any_tension(rest: float, which: str) -> None:
     assert which in text
     assert "--prestress" in text
     assert warn_of_slack(structure) == []
+
+
+STEEL = {"axial_stiffness": None, "youngs_modulus": 2.1e11, "radius": 0.01, "prestress": None}
+
+
+@pytest.mark.parametrize(
+    ("values", "stress", "words"),
+    [
+        ({}, 2.35e8, ""),
+        ({"youngs_modulus": 1e6}, 2e4, ""),
+        ({"rest_length": 90.0}, 2.35e8, ""),
+        (
+            {"rest_length": 10000.0},
+            2.35e8,
+            "rest length is many times the distance of the ends (in mm?): line (1000",
+        ),
+        ({"youngs_modulus": 2.1e5}, 2.35e8, "below that of rubber (in MPa?): line (210000 Pa)"),
+        ({}, 235.0, "below that of any solid (in MPa?): line (235 Pa)"),
+    ],
+)
+def test_lengths_in_millimetres_and_stresses_in_megapascals(values: dict, stress: float, words: str) -> None:
+    document = span(0.0)
+    line = document["members"]["line"] | STEEL | values
+    document["members"]["line"] = {key: value for key, value in line.items() if value is not None}
+    structure = build(document | {"limits": {"yield_stress": stress}})[0]
+    found = warn_of_units(structure)
+    assert (len(found), words in "".join(found)) == (bool(words), True)
+    assert set(found) <= {*find_warnings(structure)}
+
+
+@pytest.mark.parametrize("stop", ["b.end", "a.high"])
+def test_a_cable_within_one_body_never_changes(stop: str) -> None:
+    points = {"low": [0, 0, 0], "high": [0, 0, 1], "end": [1, 0, 1]}
+    body = {"kind": "rigid", "mass": 1.0, "inertia": [1.0, 1.0, 1.0], "points": points}
+    line = {"kind": "cable", "nodes": ["a.low", stop], "spring_constant": 10.0}
+    document = {
+        "name": "two",
+        "bodies": {"a": body | {"position": [0, 0, 0]}, "b": body | {"position": [2, 0, 0]}},
+    }
+    document["members"] = {"line": line, "other": {**line, "nodes": ["a.high", "b.low"]}}
+    found = [text for text in find_warnings(build(document)[0]) if "one rigid body" in text]
+    assert [text.endswith(": line") for text in found] == [True] * (stop == "a.high")
 
 
 @pytest.mark.parametrize(
