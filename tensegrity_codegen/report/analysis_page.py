@@ -27,7 +27,7 @@ from tensegrity_codegen.report.pages.page import (
 from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
 from tensegrity_codegen.report.pages.picture import draw_motion, draw_picture, draw_tensions
 from tensegrity_codegen.report.pictures.draw import pad_tension
-from tensegrity_codegen.runtime.analysis.analyse import Analysis
+from tensegrity_codegen.runtime.analysis.analyse import Analysis, name_moving
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS
 from tensegrity_codegen.structure.structure import Structure
@@ -210,7 +210,14 @@ def _mechanisms(analysis: Analysis, structure: Structure, motions: FloatArray) -
     if count:
         claim = f"{count} motion{'s' * (count > 1)} that change{'s' * (count == 1)} no length to first order"
         figures = tuple(
-            _motion_figure(structure, analysis, motions, k, f"mechanism{k + 1}", f"Mechanism {k + 1}.")
+            _motion_figure(
+                structure,
+                analysis,
+                motions,
+                k,
+                f"mechanism{k + 1}",
+                f"Mechanism {k + 1}, most of {name_moving(structure.node_label, motions[..., k])}.",
+            )
             for k in range(min(count, MAX_MECHANISMS))
         )
         yield Section("mechanisms", "", "Mechanisms", "plain", claim, figures)

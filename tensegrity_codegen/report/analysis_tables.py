@@ -10,7 +10,7 @@ import numpy as np
 from tensegrity_codegen.report.long_table import LongTable, add_row, new_table, rank_rows
 from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.report.tables import classes_table, rank_members
-from tensegrity_codegen.runtime.analysis.analyse import Analysis
+from tensegrity_codegen.runtime.analysis.analyse import NO_STIFFNESS, Analysis
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.runtime.analysis.prestress import Prestress
 from tensegrity_codegen.runtime.model.arrays import write_arrays
@@ -122,9 +122,6 @@ def _name(names: Sequence[str], values: FloatArray) -> dict[str, Any]:
     return dict(zip(names, np.asarray(values).tolist(), strict=True))
 
 
-NO_STIFFNESS = 1e-9  # of the largest force density: less is rounding
-
-
 def describe_analysis_finding(analysis: Analysis) -> str:
     """Return whether the structure is stable and by what, mechanisms, lowest frequency, exceeded limits."""
     if analysis.status == "infeasible":
@@ -187,16 +184,11 @@ def _describe_unstable(analysis: Analysis) -> str:
         value = analysis.stability.smallest_eigenvalue
         size = f"a stiffness of {format_short(value)} of the largest force density"
         kind = "no stiffness" if abs(value) < NO_STIFFNESS else size
-        return f"Unstable: the tensions found give {_of_mechanisms(analysis)} {kind}"
+        return f"Unstable: the tensions found give {analysis.loose_mechanisms} {kind}"
     return (
         "Unstable at the present tensions: the smallest eigenvalue of the stiffness is "
         f"{format_short(analysis.smallest_eigenvalue)} N/m"
     )
-
-
-def _of_mechanisms(analysis: Analysis) -> str:
-    count = analysis.n_mechanisms
-    return "the only mechanism" if count == 1 else f"one of {count:,} mechanisms"
 
 
 Subject = Structure | BodySystem

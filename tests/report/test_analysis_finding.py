@@ -52,6 +52,15 @@ def test_unstable_structures_state_the_missing_stiffness(stable: Analysis) -> No
     )
     neutral = replace(found, stability=replace(loose, smallest_eigenvalue=1e-15))
     assert describe_analysis_finding(neutral).endswith("the only mechanism no stiffness")
+    for values, words in (
+        ((0.0, 1e-16, -1e-16), "all 3"),
+        ((0.0, 1e-16, 0.2), "2 of 3"),
+        ((0.0, 1.0, 2.0), "one of 3"),
+    ):
+        eigenvalue = np.sort(values)
+        three = replace(loose, eigenvalue=eigenvalue, smallest_eigenvalue=eigenvalue[0])
+        several = replace(found, mechanism=np.zeros((6, 3, 3)), stability=three)
+        assert describe_analysis_finding(several).endswith(f"give {words} mechanisms no stiffness")
     present = replace(stable, status="unstable", smallest_eigenvalue=-12.5, modes=None)
     assert describe_analysis_finding(present) == (
         "Unstable at the present tensions: the smallest eigenvalue of the stiffness is −12.5 N/m"

@@ -1,7 +1,7 @@
 """Analysis of a configuration: rank, self-stress, mechanisms, prestress, stability, modes."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -38,6 +38,7 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_whole
 from tensegrity_codegen.system.errors import name_list
 from tensegrity_codegen.system.summaries import Summarised
+from tensegrity_codegen.tables.body_places import label_nodes
 
 UNDECIDED = (
     "no tensions with every cable in tension exist beyond rounding, but the proof fails by rounding too: the "
@@ -47,6 +48,9 @@ UNJUDGED = "the present forces are not in balance, so that stability is not judg
 MODES = 10
 # Residual, over the largest member force, up to which the present forces are in balance.
 BALANCE_TOLERANCE = 1e-6
+NO_STIFFNESS = 1e-9  # of the largest force density: less is rounding
+MOST_NAMES = 3  # of nodes that move most
+SAME_MOTION = 1e-6  # of the largest motion of a node: differences that are rounding
 UNHELD_LOAD_TOLERANCE = 1e-9  # part of the loads on rigid motions that nothing holds
 
 
@@ -148,6 +152,17 @@ class Analysis(Summarised):
         return int(self.mechanism.shape[2])
 
     @property
+    def loose_mechanisms(self) -> str:
+        """Which mechanisms the tensions found do not stiffen: "2 of 3 mechanisms"."""
+        total, value = self.n_mechanisms, self.stability.eigenvalue
+        if total == 1:
+            return "the only mechanism"
+        count = int((np.abs(value) < NO_STIFFNESS).sum())
+        if self.stability.smallest_eigenvalue <= -NO_STIFFNESS or count < 2:
+            return f"one of {total:,} mechanisms"
+        return f"all {total:,} mechanisms" if count == total else f"{count:,} of {total:,} mechanisms"
+
+    @property
     def is_good(self) -> bool:
         """Whether tensions exist with every cable in tension, and the structure is stable with them."""
         return self.status == "stable"
@@ -156,6 +171,14 @@ class Analysis(Summarised):
     def is_loaded(self) -> bool:
         """Whether loads act."""
         return bool(self.load.any())
+
+
+def name_moving(node_name: Sequence[str], motion: FloatArray) -> str:
+    """Return the names of the nodes that move most in motions (n_nodes, 3) or (n_nodes, 3, k)."""
+    size = np.linalg.norm(motion.reshape(len(motion), -1), axis=1)
+    part = size / (size.max(initial=0.0) or 1.0)
+    order = np.argsort(-np.round(part / SAME_MOTION), kind="stable").tolist()
+    return ", ".join([*dict.fromkeys(node_name[n] for n in order if part[n] > SAME_MOTION)][:MOST_NAMES])
 
 
 def judge(analysis: Analysis, at: Configuration) -> Analysis:
@@ -168,13 +191,19 @@ def judge(analysis: Analysis, at: Configuration) -> Analysis:
         message = _describe_proof(analysis, at) if status == "infeasible" else UNDECIDED
     elif not analysis.stability.is_stable:
         value = analysis.stability.smallest_eigenvalue
+        loose = analysis.stability.eigenvalue <= (value if value < -NO_STIFFNESS else NO_STIFFNESS)
+        names = label_nodes(at.manifest.node_name, at.manifest.body_places)
+        moved = at.node_velocities(analysis.stability.direction[:, loose])
         kind = (
             "no stiffness"
-            if abs(value) < 1e-9
+            if abs(value) < NO_STIFFNESS
             else f"a stiffness of {value:.3g} of the largest force density"
         )
         status = "unstable"
-        message = f"the tensions found give a mechanism {kind}: they do not hold the shape"
+        message = (
+            f"the tensions found give {analysis.loose_mechanisms} {kind}: they do not hold the shape; "
+            f"what moves most: {name_moving(names, moved)}"
+        )
     elif analysis.is_balanced and analysis.stiffness.is_unstable:
         status = "unstable"
         message = (

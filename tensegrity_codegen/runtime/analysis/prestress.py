@@ -134,7 +134,7 @@ class PrestressStability:
     is_stable: bool  # every free motion is stiff, apart from rigid motions that cost no energy
     smallest_eigenvalue: float  # of their geometric stiffness over the largest force density, or inf
     eigenvalue: FloatArray  # (k,), all of them, ascending
-    direction: FloatArray  # (n_directions,), the unit motion of the smallest one; empty without motions
+    direction: FloatArray  # (n_directions, k), their unit motions
 
 
 def find_prestress_stability(
@@ -154,19 +154,17 @@ def find_prestress_stability(
     if directions.shape[1] == 0 or size == 0.0:
         none = directions.shape[1] == 0
         value = np.zeros(directions.shape[1])
-        direction = np.zeros(0) if none else directions[:, 0]
-        return PrestressStability(none, float("inf") if none else 0.0, value, direction)
+        return PrestressStability(none, float("inf") if none else 0.0, value, directions)
     stiffness = at.geometric_stiffness(tension, directions) / size
     if loaded:
         stiffness = stiffness + at.load_stiffness(directions) / size
         basis = _leave_neutral(stiffness, motions)
         directions, stiffness = directions @ basis, basis.T @ stiffness @ basis
         if directions.shape[1] == 0:
-            return PrestressStability(True, float("inf"), np.zeros(0), np.zeros(0))
+            return PrestressStability(True, float("inf"), np.zeros(0), directions)
     value, vector = np.linalg.eigh(stiffness)
-    return PrestressStability(
-        bool(value[0] > MIN_STIFFNESS_RATIO), float(value[0]), value, directions @ vector[:, 0]
-    )
+    is_stable = bool(value[0] > MIN_STIFFNESS_RATIO)
+    return PrestressStability(is_stable, float(value[0]), value, directions @ vector)
 
 
 def find_stabilising_prestress(
@@ -196,7 +194,7 @@ def find_stabilising_prestress(
         stability = find_prestress_stability(at, motions, tension, loaded=False)
         if stability.is_stable:
             return np.asarray(tension / np.abs(tension).max())
-        cuts.append(stability.direction)
+        cuts.append(stability.direction[:, 0])
     return None
 
 
