@@ -1,16 +1,17 @@
 """The XML tree of a model of MuJoCo with the files that it includes.
 
-Files are only read, relative to the folder of the main file, as MuJoCo reads them.
+Files are only read, relative to the folder of the main file, as MuJoCo reads them, and names are checked.
 """
 
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from tensegrity_codegen.scene.formats.files.documents import read_attribute, read_xml
-from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError
 
 MAX_INCLUDED = 200  # files of one model
 ROOTS = ("mujoco", "mujocoinclude")
+SECTIONS = ("tendon", "actuator", "sensor", "equality")  # whose elements share their names; others by tag
 
 
 def read_model(path: Path, what: str) -> Element:
@@ -21,7 +22,22 @@ def read_model(path: Path, what: str) -> Element:
             "not a model of MuJoCo", where=str(path), given=root.tag[:80], allowed="<mujoco>"
         )
     _expand(root, path, path.parent, [path.resolve()])
+    _check_names(root, path)
     return root
+
+
+def _check_names(root: Element, path: Path) -> None:
+    """Raise DuplicateNameError for a name that two elements of one kind have, as MuJoCo refuses it."""
+    seen: set[tuple[str, str]] = set()
+    for section in root:
+        for element in section.iter():
+            tag, name = element.tag, element.get("name", "")
+            kind = section.tag if section.tag in SECTIONS else "joint" if tag == "freejoint" else tag
+            if name and (kind, name) in seen:
+                problem, where = f"two elements <{tag}> with one name", f"{path}: {tag} {name[:60]}"
+                allowed, hint = f"each name of a {kind} once, as in MuJoCo", "rename one of them"
+                raise DuplicateNameError(problem, where=where, given=name[:80], allowed=allowed, hint=hint)
+            seen.add((kind, name))
 
 
 def _expand(element: Element, path: Path, folder: Path, read: list[Path]) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from tensegrity_codegen.scene.formats.import_mjcf import WHAT, import_mjcf
 from tensegrity_codegen.scene.formats.mjcf.include import read_model
-from tensegrity_codegen.system.errors import InvalidValueError, SceneError
+from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, SceneError
 from tests.scene.formats.mjcf.models import ROBOT, load
 
 
@@ -51,3 +51,31 @@ def test_files_that_cannot_be_included_are_refused(
     assert "main.xml" in caught.value.where or "part.xml" in caught.value.where
     with pytest.raises(InvalidValueError, match="not a model"):
         read_model(write(tmp_path, main_xml="<robot/>"), WHAT)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "kind"),
+    [
+        ('name="rod1_out"', 'name="rod0_out"', "site"),
+        ('<body name="rod1"', '<body name="rod0"', "body"),
+        ('name="low_rod1"', 'name="low_rod0"', "geom"),
+        ("<freejoint/>", '<freejoint name="j"/>', "freejoint"),
+        ('name="b" class', 'name="a" class', "spatial"),
+        ('<motor name="winch"', '<motor name="servo"', "motor"),
+        ('<gyro name="g"', '<gyro name="p"', "gyro"),
+    ],
+)
+def test_a_name_that_two_elements_of_a_kind_have_is_refused_as_in_mujoco(
+    old: str, new: str, kind: str, tmp_path: Path
+) -> None:
+    assert old in ROBOT
+    with pytest.raises(DuplicateNameError, match=f"two elements <{kind}> with one name") as caught:
+        load(tmp_path, ROBOT.replace(old, new))
+    assert f"model.xml: {kind} " in caught.value.where
+    named = new.rpartition('name="')[2].partition('"')[0]
+    assert caught.value.given == named
+
+
+def test_elements_of_different_kinds_may_have_one_name(tmp_path: Path) -> None:
+    text = ROBOT.replace('name="low_rod0"', 'name="rod0"').replace('name="rod0_out"', 'name="rod0"')
+    assert load(tmp_path, text.replace('site="rod0_out"', 'site="rod0"')).document["bodies"]

@@ -114,7 +114,6 @@ REFUSED: list[tuple[str, str, str]] = [
     ("<freejoint/>", '<joint type="hinge" axis="0 0 1"/>', "these joints are not read"),
     ("<freejoint/>", '<freejoint/><body><freejoint/><geom size="1"/></body>', "a free body within a body"),
     ('name="rod0" pos', 'name="rod0" mocap="true" pos', "motion capture"),
-    ('name="rod1"', 'name="rod0"', "two bodies with one name"),
     ("<freejoint/>", '<freejoint/><geom size="1" mass="-1"/>', "a negative mass"),
     ('quat="0.927160881 -0.0969700367 -0.361897104 0"', 'quat="0 0 0 0"', "a quaternion of length 0"),
     ("<tendon>", EQUALITY, "constraint <weld>"),
