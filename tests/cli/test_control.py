@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tensegrity_codegen.analyses.cases.scene_case import SceneCase
 from tensegrity_codegen.cli.verbs.examples import list_examples
 from tensegrity_codegen.control.feedback import time_motion as motions
 from tensegrity_codegen.control.feedback.study.read_files import read_weights
@@ -314,12 +315,14 @@ def test_a_motion_that_is_too_fast_is_refused_by_its_cable(run: Run, pinned: Pat
 
 
 def test_a_scene_without_actuators_or_masses_is_refused(
-    run: Run, folder: Path, lift: Path, pinned: Path
+    run: Run, folder: Path, pinned: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     change(pinned, ("[[actuators]]", "[limits]\n[[actuators]]"))
     text = pinned.read_text(encoding="utf-8").partition("[limits]")[0]
     pinned.write_text(text, encoding="utf-8")
-    ended = run.refused("control", pinned)
+    with monkeypatch.context() as patch:
+        patch.setattr(SceneCase, "build_library", None)  # nothing is compiled
+        ended = run.refused("control", pinned)
     assert "no actuators" in ended.err
     massless = folder / "massless.toml"
     massless.write_text(LIFT.replace("mass = ", "mass = 0  # "), encoding="utf-8")

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from tensegrity_codegen.control.planning.plan import plan
+from tensegrity_codegen.control.planning.plan_point import require_actuators
 from tensegrity_codegen.control.planning.quadratic_program import require_solver
 from tensegrity_codegen.control.planning.target_text import read_targets
 from tensegrity_codegen.control.planning.targets import find_target_quantities
@@ -35,10 +36,11 @@ def request_actuated(
     to: Sequence[str],
     choose_request: "Callable[[Subject, ModelRequest], ModelRequest]",
 ) -> "ModelRequest":
-    """Return the request for the model of a structure that moves to targets.
+    """Return the request for the model of a structure that moves to targets; it must have actuators.
 
     choose_request: takes the structure and its request with statics; the quantities of the targets are added.
     """
+    require_actuators(case.subject, case.subject.name)
     quantities: Sequence[str] = ()
     if to:
         require_solver()

@@ -60,6 +60,7 @@ def control(
     output = Output(printing.json, printing.all)
     with output.guard(scene):
         from tensegrity_codegen.analyses.plans.held_motion import FeedbackDesign
+        from tensegrity_codegen.control.feedback.study.stated_errors import check_errors
         from tensegrity_codegen.pipeline.build_library import MANY_CALLS
         from tensegrity_codegen.runtime.model.arrays import write_arrays
 
@@ -76,6 +77,7 @@ def control(
         errors = read_errors(study, subject.axes)
         check_motion_gusts(errors.gusts, study.t_end)
         model = case.build_library(subject, stated.request_model(case), MANY_CALLS).load()
+        check_errors(model, errors)
         motion = stated.find(case, model, study.t_end)
         in_c = study.in_c or design.mpc
         controller = FeedbackDesign(

@@ -58,11 +58,9 @@ class Actuation:
         return tuple(actuator.name for actuator in self.actuators)
 
 
-def find_actuation(model: Described, names: Sequence[str] | None = None) -> Actuation:
-    """Return the actuators of a model that a plan moves."""
-    structure, scene = model.structure, model.manifest.name
-    actuators = () if structure is None else structure.actuators
-    if structure is None or not actuators:
+def require_actuators(subject: Structure | BodySystem | None, scene: str) -> tuple[Actuator, ...]:
+    """Return the actuators of a scene of this name; raises StructureError if it has none."""
+    if subject is None or not subject.actuators:
         raise StructureError(
             "no actuators",
             where=f"{scene}: actuators",
@@ -70,6 +68,14 @@ def find_actuation(model: Described, names: Sequence[str] | None = None) -> Actu
             allowed="at least one table [[actuators]] with a name and members",
             hint="add [[actuators]] to the scene, or let each cable have one: `actuate=cables`",
         )
+    return subject.actuators
+
+
+def find_actuation(model: Described, names: Sequence[str] | None = None) -> Actuation:
+    """Return the actuators of a model that a plan moves."""
+    structure = model.structure
+    actuators = require_actuators(structure, model.manifest.name)
+    assert structure is not None
     by_name = {actuator.name: actuator for actuator in actuators}
     check_instance([] if names is None else names, (list, tuple), "actuators", "a list of names")
     selected = list(by_name) if names is None else list(names)
