@@ -16,6 +16,8 @@ from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance, 
 from tensegrity_codegen.control.feedback.loop.tension_distribution import design_distribution
 from tensegrity_codegen.control.feedback.lqr import design_lqr
 from tensegrity_codegen.control.feedback.mpc import design_mpc
+from tensegrity_codegen.control.feedback.study.stated_errors import StatedErrors
+from tensegrity_codegen.control.feedback.study.study import study_control
 from tensegrity_codegen.control.feedback.study.tuning import choose_weights
 from tensegrity_codegen.pipeline.compile_scene import compile_scene
 from tensegrity_codegen.runtime.linear.linearize import linearize
@@ -23,7 +25,7 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.structure.actuators import Sensor
-from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
 from tests.codegen.quickly import without_optimisation
 from tests.models import load
 from tests.standing_robot import describe_robot
@@ -85,6 +87,20 @@ def test_weights_of_an_equilibrium_are_those_of_two_seconds_at_rest(
 ) -> None:
     rest = build_rest(robot, stands, 2.0)
     np.testing.assert_array_equal(choose_weights(robot, stands).Q, choose_weights(robot, rest).Q)
+
+
+def test_errors_of_the_start_with_which_bodies_collapse_are_named(
+    robot: CompiledModel, stands: Equilibrium
+) -> None:
+    """The rods are 28 mm across, between the corners that their inertia has beside their axes."""
+    weights = choose_weights(robot, stands)
+    with pytest.raises(InvalidValueError, match="bodies collapse") as caught:
+        study_control(robot, stands, tuning=weights, errors=StatedErrors(start_error=1.0), draws=1)
+    assert caught.value.where == "start_error"
+    assert caught.value.given == "1 m"
+    corners = stands.coordinate.reshape(3, 4, 3)
+    least = np.linalg.norm(corners[:, :, None] - corners[:, None], axis=3)[:, *np.triu_indices(4, 1)].min()
+    assert f"{least:.3g} m" in caught.value.allowed
 
 
 def test_balls_that_roll_do_not_slip(robot: CompiledModel, stands: Equilibrium) -> None:

@@ -8,7 +8,14 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
-from tensegrity_codegen.control.feedback.loop.sampled_plant import NODE_LOAD, Gust, check_span
+from tensegrity_codegen.control.feedback.loop.sampled_plant import (
+    NODE_LOAD,
+    Disturbance,
+    Gust,
+    check_span,
+    keep_bars,
+    read_disturbance,
+)
 from tensegrity_codegen.control.feedback.study.tuning import Scales, find_angles
 from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -22,9 +29,10 @@ from tensegrity_codegen.system.checks import (
     check_whole,
     is_number,
 )
-from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
 
 STIFFNESSES = ("axial_stiffness", "spring_constant")
+KEPT_WITHIN = 1e-6  # m, by which rigid parts may still move once they have their lengths
 PROBE, HELD_WITHIN = 1e-3, 1e-8  # change of coordinates [m, rad], and of the position of a held node [m]
 SIMULATED_PART = 3.0  # simulated time over that of the motion
 # Time constants of the slowest error, from the end of the motion until errors are compared.
@@ -173,6 +181,26 @@ def draw_errors(
     arguments, factors = _draw_stiffness(model, stated.stiffness_error, rng, draw)
     gusts = tuple(_draw_gust(model, gust, rng) for gust in stated.gusts)
     return DrawnErrors(error, arguments, gusts, factors)
+
+
+def check_starts(model: CompiledModel, motion: Motion, drawn: Sequence[DrawnErrors]) -> None:
+    """Raise InvalidValueError for errors of the start with which rigid parts find no way to their lengths."""
+    structure, q = model.structure, motion.at(0.0).coordinate
+    for errors in drawn if model.manifest.rigid_bar and structure is not None else ():
+        try:
+            state = read_disturbance(model, motion, Disturbance(coordinate_error=errors.coordinate)).state
+            is_kept = np.abs(keep_bars(model, state) - state).max() <= KEPT_WITHIN
+        except NonFiniteError:
+            is_kept = False
+        if not is_kept:
+            ends = place_nodes(model, q)[structure.connectivity[structure.is_rigid]]
+            least = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).min())
+            raise InvalidValueError(
+                "with so large an error of the start rigid bars or bodies collapse", where="start_error",
+                given=f"{np.abs(errors.coordinate).max():.3g} m", allowed="much less than the shortest of "
+                f"the rigid bars, and of the distances between corners of a body: {least:.3g} m",
+                hint=f"a tenth of it: `start_error={least / 10:.1g}` [m]",
+            )  # fmt: skip
 
 
 def _draw_stiffness(

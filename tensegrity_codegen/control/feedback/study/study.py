@@ -38,6 +38,7 @@ from tensegrity_codegen.control.feedback.study.stated_errors import (
     StatedErrors,
     check_errors,
     check_gust_times,
+    check_starts,
     check_times,
     draw_errors,
     find_default_times,
@@ -225,6 +226,7 @@ class _Work:
         worst, worst_runs, number = -np.inf, {}, 0
         scales, draws = self.tuning.scales, self.draws.number
         drawn = [draw_errors(self.model, self.stated, scales, self.draws.seed, k) for k in range(draws)]
+        check_starts(self.model, self.motion, drawn)
         size = 1 if self.draws.batch is None else CHUNK
         for start in range(0, draws, size):
             some = range(start, min(start + size, draws))
