@@ -21,6 +21,7 @@ from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import (
     check_callback,
@@ -186,13 +187,14 @@ def draw_errors(
 def check_starts(model: CompiledModel, motion: Motion, drawn: Sequence[DrawnErrors]) -> None:
     """Raise InvalidValueError for errors of the start with which rigid parts find no way to their lengths."""
     structure, q = model.structure, motion.at(0.0).coordinate
-    for errors in drawn if model.manifest.rigid_bar and structure is not None else ():
+    for errors in drawn if model.manifest.rigid_bar and isinstance(structure, Structure) else ():
         try:
             state = read_disturbance(model, motion, Disturbance(coordinate_error=errors.coordinate)).state
             is_kept = np.abs(keep_bars(model, state) - state).max() <= KEPT_WITHIN
         except NonFiniteError:
             is_kept = False
         if not is_kept:
+            assert isinstance(structure, Structure)
             ends = place_nodes(model, q)[structure.connectivity[structure.is_rigid]]
             least = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).min())
             raise InvalidValueError(
