@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tensegrity_codegen.pipeline.sizing.force_program import ForceProgram, Optimum
+from tensegrity_codegen.pipeline.sizing.force_program import LARGEST_RESIDUAL, ForceProgram, Optimum
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.progress import describe_pass, work_pass
 
@@ -23,7 +23,7 @@ LEAST_GAIN = 1e-12  # of the mass, with which a descent goes on
 TIGHTENING_ROUNDS, LEAST_TIGHTENING = 3, 0.05  # part of the gap that a round must close for the next one
 WIDENING = 1e-7  # of limits within which a program has no solution, and that is not proved
 MARGIN = 1e-8  # by which proved limits of tensions are widened, for rounding
-LARGEST_RESIDUAL = 1e-8  # of forces that balance, of the largest load
+USELESS = (1e-6, 1e-8, 0.0)  # of the largest force: smaller ones are left out where the others balance
 NEAR_BEST = 1.05  # masses over the best one from which a descent is tried
 
 
@@ -63,9 +63,9 @@ class _Search:
             weight = None if trial == 0 else random.exponential(size=len(self.law.direct))
             optimum = self.program.solve(direct, self.lower, self.upper, weight=weight)
             if optimum is None:
-                return trial > 0
+                break
             self.descend(optimum.tension)
-        return True
+        return bool(np.isfinite(self.mass))
 
     def descend(self, tension: FloatArray) -> None:
         """Lower the mass by linear programs with tangents, which lie above it; keep what is better.
@@ -91,16 +91,23 @@ class _Search:
 
     def measure(self, tension: FloatArray) -> tuple[FloatArray, float]:
         """Return forces of the same members that balance to rounding, and their mass, or infinity."""
-        exact, program = tension.copy(), self.program
-        is_free = (exact != 0) & (exact > program.lower) & (exact < program.upper)
-        for case, free, load in zip(exact, is_free, program.load, strict=True):
-            columns = program.matrix[:, free]
-            case[free] += np.linalg.lstsq(columns, load - program.matrix @ case, rcond=None)[0]
-        for forces in (exact, tension):
+        program = self.program
+        for forces in (*(self.balance(tension, part) for part in USELESS), tension):
             is_within = (forces >= program.lower).all() and (forces <= program.upper).all()
             if is_within and np.abs(forces @ program.matrix.T - program.load).max() <= LARGEST_RESIDUAL:
                 return forces, float(self.law.find_mass(forces).max(axis=0).sum())
         return tension, np.inf
+
+    def balance(self, tension: FloatArray, part: float) -> FloatArray:
+        """Return forces that balance at best, of the members with more than a part of the largest force."""
+        program = self.program
+        exact = np.where(np.abs(tension) > part * np.abs(tension).max(initial=0.0), tension, 0.0)
+        exact = np.clip(exact, program.lower, program.upper)
+        is_free = (exact != 0) & (exact > program.lower) & (exact < program.upper)
+        for case, free, load in zip(exact, is_free, program.load, strict=True):
+            columns = program.matrix[:, free]
+            case[free] += np.linalg.lstsq(columns, load - program.matrix @ case, rcond=None)[0]
+        return exact
 
     def find_bound(self, lower: FloatArray, upper: FloatArray, more: float = WIDENING) -> Optimum | None:
         """Return the least mass with chords within these limits; None where that is proved not to exist."""
@@ -109,8 +116,10 @@ class _Search:
         optimum = self.program.solve(chord, lower, upper, 2 * self.mass * lower.shape[1])
         if optimum is not None:
             return optimum
-        if self.program.find_unbalanced(lower, upper).excess > 0:
+        if self.program.find_unbalanced(lower, upper).is_proved:
             return None
+        if more > 1:  # neither solved nor proved to have no solution: no mass is below 0
+            return Optimum(0.0, self.tension, np.zeros_like(lower))
         wider = np.maximum(lower - more, self.program.lower), np.minimum(upper + more, self.program.upper)
         return self.find_bound(*wider, 10 * more)
 

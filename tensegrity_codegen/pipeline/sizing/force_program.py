@@ -17,9 +17,13 @@ from tensegrity_codegen.pipeline.sizing.member_mass import MassLaw
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError
 
-TOLERANCES = (1e-9, 1e-7)  # of HiGHS; the second where the first is not reached
+# Tolerance of HiGHS and whether it presolves: each where the one before ends without a solution. Presolve
+# calls programs infeasible whose matrix is nearly singular.
+SETTINGS = ((1e-9, True), (1e-9, False), (1e-7, False))
 INFEASIBLE = 2  # status of scipy.optimize.linprog
 ROUNDING = 1e-9  # of tensions, and of reduced costs of tensions without a limit, that count as zero
+LARGEST_RESIDUAL = 1e-8  # of forces that balance, of the largest load
+MOST_FORCE = 1e6  # times the largest load: forces beyond it do not count as balance
 
 
 @dataclass(frozen=True)
@@ -37,15 +41,20 @@ class Optimum:
 
 @dataclass(frozen=True)
 class Unbalanced:
-    """Proof that forces within limits do not balance the loads.
+    """Forces out of balance at best, and a proof where there are none that balance.
 
     motion: (n_cases, n_coordinates) a motion, at most 1 at each coordinate, in which loads do more work
     than members can take.
     """
 
     motion: FloatArray
-    excess: float  # that work, which is the least sum of forces out of balance, as proved
+    excess: float  # that work: the sum of forces out of balance is proved to be no less; 0 without a proof
     residual: FloatArray  # (n_cases, n_coordinates) forces out of balance at best
+
+    @property
+    def is_proved(self) -> bool:
+        """Whether more is out of balance than rounding."""
+        return self.excess > LARGEST_RESIDUAL
 
 
 class ForceProgram:
@@ -69,8 +78,13 @@ class ForceProgram:
         self.straight = np.concatenate([direct[pulls], -direct[yields]])
         self.columns = np.concatenate([column[used] for used in (pulls, yields, self.is_curved)])
         self.owners = np.concatenate([owner[used] for used in (pulls, yields, self.is_curved)])
-        blocks = scipy.sparse.block_diag([scipy.sparse.csr_array(matrix)] * cases)
-        empty = scipy.sparse.csr_array((len(matrix) * cases, members))
+        # Coordinates whose balance follows from that of others up to rounding mislead the solver.
+        upper_part, order = scipy.linalg.qr(matrix.T, mode="r", pivoting=True)
+        size = np.abs(np.diag(upper_part))
+        self.row = np.sort(order[: int((size > ROUNDING * size.max(initial=0.0)).sum())])
+        self.balance = scipy.sparse.block_diag([scipy.sparse.csr_array(matrix)] * cases, format="csr")
+        blocks = scipy.sparse.block_diag([scipy.sparse.csr_array(matrix[self.row])] * cases)
+        empty = scipy.sparse.csr_array((len(self.row) * cases, members))
         self.equal = scipy.sparse.csr_array(scipy.sparse.hstack([blocks, empty]))
 
     def solve(
@@ -111,13 +125,14 @@ class ForceProgram:
             price = np.concatenate([cost.ravel(), np.zeros(members)])
         lowest = np.concatenate([lower.ravel(), np.zeros(members)])
         highest = np.concatenate([upper.ravel(), np.full(members, most_mass)])
-        solution = self._call(price, self.equal, self.load.ravel(), above, limit, lowest, highest)
+        load = self.load[:, self.row].ravel()
+        solution = self._call(price, self.equal, load, above, limit, lowest, highest)
         if solution is None:
             return None
         # The proved bound: b y - d w + min over the limits of (c - A'y + C'w) x.
         point, y, w = solution
         reduced = price - self.equal.T @ y - above.T @ w
-        bound = float(self.load.ravel() @ y + limit @ w + _find_least(reduced, lowest, highest))
+        bound = float(load @ y + limit @ w + _find_least(reduced, lowest, highest))
         tension = np.where(np.abs(point[:n]) <= ROUNDING, 0.0, point[:n])
         tension = np.clip(tension, lowest[:n], highest[:n]).reshape(lower.shape)
         return Optimum(bound, tension, reduced[:n].reshape(lower.shape))
@@ -126,8 +141,7 @@ class ForceProgram:
         """Return the least imbalance with tensions within limits."""
         rows, n = self.load.size, lower.size
         unit = scipy.sparse.eye_array(rows)
-        forces = scipy.sparse.csr_array(self.equal[:, :n])
-        equal = scipy.sparse.csr_array(scipy.sparse.hstack([forces, unit, -unit]))
+        equal = scipy.sparse.csr_array(scipy.sparse.hstack([self.balance, unit, -unit]))
         price = np.concatenate([np.zeros(n), np.ones(2 * rows)])
         lowest = np.concatenate([lower.ravel(), np.zeros(2 * rows)])
         highest = np.concatenate([upper.ravel(), np.full(2 * rows, np.inf)])
@@ -136,17 +150,24 @@ class ForceProgram:
             raise ConvergenceError("the linear program of unbalanced forces was not solved", where="HiGHS")
         point, y, _ = solution
         y = np.clip(y, -1.0, 1.0)
-        excess = self.load.ravel() @ y + _find_least(-(forces.T @ y), lower.ravel(), upper.ravel())
+        least, most = lower.ravel(), upper.ravel()
+        reduced = np.asarray(-(self.balance.T @ y))
+        taken = _find_least(reduced, least, most)
+        if taken == -np.inf:  # nearly a motion without strain
+            taken = _find_least(reduced, np.maximum(least, -MOST_FORCE), np.minimum(most, MOST_FORCE))
+        excess = max(float(self.load.ravel() @ y) + taken, 0.0)
         residual = point[n : n + rows] - point[n + rows :]
-        return Unbalanced(y.reshape(self.load.shape), float(excess), residual.reshape(self.load.shape))
+        return Unbalanced(y.reshape(self.load.shape), excess, residual.reshape(self.load.shape))
 
     def _call(
         self, price: FloatArray, equal: Any, load: FloatArray, above: Any, limit: Any, least: Any, most: Any
     ) -> tuple[FloatArray, FloatArray, FloatArray] | None:
         """Return solution and multipliers; None where there is none; raises ConvergenceError."""
         bounds: Any = np.stack([least, most], axis=1)
-        for tolerance in TOLERANCES:
+        is_infeasible = False
+        for tolerance, presolve in SETTINGS:
             options: Any = {
+                "presolve": presolve,
                 "primal_feasibility_tolerance": tolerance,
                 "dual_feasibility_tolerance": tolerance,
             }
@@ -157,8 +178,11 @@ class ForceProgram:
             if solution.status == 0:
                 w = np.minimum(solution.ineqlin.marginals, 0.0)
                 return np.asarray(solution.x), np.asarray(solution.eqlin.marginals), np.asarray(w)
-            if solution.status == INFEASIBLE:
-                return None
+            is_infeasible = is_infeasible or solution.status == INFEASIBLE
+            if solution.status == INFEASIBLE and not presolve:
+                break
+        if is_infeasible:
+            return None
         problem = f"a linear program was not solved: {solution.message}"
         hint = "check that positions, loads and materials are of sensible size"
         raise ConvergenceError(problem, evidence={"status": int(solution.status)}, where="HiGHS", hint=hint)

@@ -218,6 +218,8 @@ def size_members(
         A name that is none; a material that is missing or not above 0; no load and no least tension.
     InfeasibleError
         No forces of these signs balance the loads; the evidence has the nodes and a motion that proves it.
+    ConvergenceError
+        Neither forces in balance nor such a proof were found; weights of members that do not come to an end.
     FormulationError
         A structure of bodies, or on the ground.
 
@@ -328,8 +330,8 @@ def _state_program(
 
 def _prove_infeasible(
     structure: Structure, program: ForceProgram, case_name: tuple[str, ...], force: float
-) -> InfeasibleError:
-    """Return the error with the nodes that cannot be in balance, and a motion that proves it."""
+) -> ConvergenceError:
+    """Return the error with the nodes that cannot be in balance, and a motion where it proves it."""
     unbalanced = program.find_unbalanced(program.lower, program.upper)
     case = int(np.abs(unbalanced.residual).sum(axis=1).argmax())
     node, axis = structure.coordinate_node_axis.T
@@ -337,10 +339,19 @@ def _prove_infeasible(
     residual[node, axis], motion[node, axis] = unbalanced.residual[case] * force, unbalanced.motion[case]
     size = np.linalg.norm(residual, axis=1)
     nodes = [structure.node_name[k] for k in np.flatnonzero(size > LEAST_FORCE * force)]
-    moves = np.flatnonzero(np.linalg.norm(motion, axis=1) > LEAST_FORCE)
+    where, speed = f"{structure.name}: load case {case_name[case]}", np.linalg.norm(motion, axis=1)
+    if not unbalanced.is_proved:
+        return ConvergenceError(
+            "no forces of these members that balance the loads were found, nor a proof that there are none",
+            where=where,
+            evidence={"nodes": count_names(nodes), "unbalanced_force": float(size.sum())},
+            hint="settle the structure under these loads with `equilibrium`, or move nodes a little: "
+            "motions of it strain its members hardly",
+        )
+    moves = [k for k in np.argsort(-speed, kind="stable") if speed[k] > LEAST_FORCE]
     return InfeasibleError(
         "no forces of these members balance the loads",
-        where=f"{structure.name}: load case {case_name[case]}",
+        where=where,
         evidence={
             "nodes": count_names(nodes),
             "unbalanced_force": unbalanced.excess * force,

@@ -151,3 +151,36 @@ def test_its_prism_has_no_mass_or_no_balance() -> None:
     with pytest.raises(InfeasibleError) as raised:
         size_members(write(places, bars, cables, force, held=(0, 1, 2)), **ALUMINIUM)
     assert "motion" in raised.value.evidence
+
+
+def prism(n: int, turned: float, *, crossed: bool = False) -> dict[str, Any]:
+    """A free prism of n bars, turned by so much beyond its one balance; crossed: bars the wrong way."""
+    twist = np.pi / 2 - np.pi / n + turned
+    angle = 2 * np.pi * np.arange(n) / n
+    places = [(np.cos(a), np.sin(a), 0.0) for a in angle]
+    places += [(np.cos(a), np.sin(a), 1.0) for a in angle + twist]
+    ring = [(k, (k + 1) % n) for k in range(n)]
+    across, upright = [(a, n + b) for a, b in ring], [(k, n + k) for k in range(n)]
+    bars, posts = (upright, [(b, n + a) for a, b in ring]) if crossed else (across, upright)
+    cables = [*ring, *((n + a, n + b) for a, b in ring), *posts]
+    return write(places, bars, cables, {})
+
+
+@pytest.mark.parametrize("turned", [0.0, 1e-12, 1e-9, -1e-9])
+def test_a_shape_in_balance_up_to_rounding_is_sized(turned: float) -> None:
+    """A prism that is turned by 1e-9 is out of balance by as much of its prestress, 1 kN."""
+    found = size_members(prism(3, turned), **ALUMINIUM, load_cases={"tense": {"cable0_1": 1000.0}})
+    assert found.status == "optimal"
+    assert found.total_mass == pytest.approx(8.5836899, rel=1e-7)
+    assert found.residual < 1e-5
+
+
+@pytest.mark.parametrize(("n", "turned", "crossed"), [(3, 1e-6, False), (3, 1e-9, True), (4, 1e-9, True)])
+def test_proofs_of_no_balance_are_finite_and_name_nodes(n: int, turned: float, crossed: bool) -> None:
+    with pytest.raises(InfeasibleError) as raised:
+        size_members(
+            prism(n, turned, crossed=crossed), **ALUMINIUM, load_cases={"tense": {"cable0_1": 1000.0}}
+        )
+    assert 1e-5 < raised.value.evidence["unbalanced_force"] < 3e3
+    assert not raised.value.evidence["nodes"].startswith("0")
+    assert raised.value.evidence["motion"]
