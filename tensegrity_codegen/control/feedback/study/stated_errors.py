@@ -33,6 +33,7 @@ from tensegrity_codegen.system.checks import (
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
 
 STIFFNESSES = ("axial_stiffness", "spring_constant")
+SAFE_PART = 0.1  # of the shortest rigid distance: an error of the start with which nothing collapses
 KEPT_WITHIN = 1e-6  # m, by which rigid parts may still move once they have their lengths
 PROBE, HELD_WITHIN = 1e-3, 1e-8  # change of coordinates [m, rad], and of the position of a held node [m]
 SIMULATED_PART = 3.0  # simulated time over that of the motion
@@ -71,7 +72,8 @@ class StatedErrors:
     ----------
     start_error : float, optional [m]
         By how much each coordinate is off at the start, as the displacement of a node; its sign is drawn. By
-        default a hundredth of the longest side of the box around the nodes.
+        default a hundredth of the longest side of the box around the nodes, and at most a tenth of the
+        shortest rigid bar or distance of corners of a body.
     start_angle : float, optional [rad]
         The same of coordinates that are angles, in place of `start_error`.
     stiffness_error : float
@@ -172,7 +174,9 @@ def draw_errors(
 ) -> DrawnErrors:
     """Return the errors of a draw, the same for the same seed and number."""
     rng = np.random.default_rng([seed, draw])
-    length = 0.01 * scales.size if stated.start_error is None else stated.start_error
+    length = stated.start_error
+    if length is None:
+        length = min(0.01 * scales.size, SAFE_PART * _find_least_rigid(model))
     error = length / scales.lever
     if stated.start_angle is not None:
         error = np.where(scales.is_angle, stated.start_angle, error)
@@ -186,23 +190,28 @@ def draw_errors(
 
 def check_starts(model: CompiledModel, motion: Motion, drawn: Sequence[DrawnErrors]) -> None:
     """Raise InvalidValueError for errors of the start with which rigid parts find no way to their lengths."""
-    structure, q = model.structure, motion.at(0.0).coordinate
-    for errors in drawn if model.manifest.rigid_bar and isinstance(structure, Structure) else ():
+    least = _find_least_rigid(model)
+    for errors in drawn if np.isfinite(least) else ():
         try:
             state = read_disturbance(model, motion, Disturbance(coordinate_error=errors.coordinate)).state
-            is_kept = np.abs(keep_bars(model, state) - state).max() <= KEPT_WITHIN
+            is_kept = np.abs(keep_bars(model, state.copy()) - state).max() <= KEPT_WITHIN
         except NonFiniteError:
             is_kept = False
         if not is_kept:
-            assert isinstance(structure, Structure)
-            ends = place_nodes(model, q)[structure.connectivity[structure.is_rigid]]
-            least = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).min())
             raise InvalidValueError(
                 "with so large an error of the start rigid bars or bodies collapse", where="start_error",
                 given=f"{np.abs(errors.coordinate).max():.3g} m", allowed="much less than the shortest of "
                 f"the rigid bars, and of the distances between corners of a body: {least:.3g} m",
-                hint=f"a tenth of it: `start_error={least / 10:.1g}` [m]",
+                hint=f"a tenth of it: `start_error={SAFE_PART * least:.1g}` [m]",
             )  # fmt: skip
+
+
+def _find_least_rigid(model: CompiledModel) -> float:
+    """Return the shortest rigid bar or distance between corners of a body [m]; inf without any."""
+    structure = model.structure
+    if not (model.manifest.rigid_bar and isinstance(structure, Structure)):
+        return np.inf
+    return float(structure.member_length()[structure.is_rigid].min(initial=np.inf))
 
 
 def _draw_stiffness(
