@@ -56,6 +56,8 @@ def test_a_motion_is_written_as_a_scene_where_it_ends(run: Run, folder: Path, tw
     ended = run.good(*words, "--t-end", 0.5, "--scene-out", "half.toml")
     assert "internal" not in ended.err
     whole, half = np.load("whole.npz"), load_scene("half.toml")[0]
+    speed = np.linalg.norm(whole["node_velocity"][1], axis=1).max()
+    assert f"begins in motion, with up to {speed:.3g} m/s of a node: a longer --t-end" in ended.err
     assert isinstance(half, Structure)
     np.testing.assert_allclose(half.node_position, whole["node_position"][1], atol=1e-8)
     np.testing.assert_allclose(half.node_velocity, whole["node_velocity"][1], atol=1e-7)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.structure.member_limits import MemberFlaws
 
 MAX_EVENTS = 10  # in the text
+AT_REST = 1e-3  # 1/s: speed over the size of the structure, up to which it is at rest
 # The word for an event of a kind and direction.
 EVENTS = {
     ("cable", 1): "taut",
@@ -102,6 +103,8 @@ class MotionAnswer(Result):
 
     def _write_end(self, path: Path, *, overwrite: bool) -> None:
         """Write the scene as its motion ends: places, velocities, and rest lengths with the inputs there."""
+        import numpy as np
+
         from tensegrity_codegen.scene.describe import describe_subject
         from tensegrity_codegen.scene.write import write_scene
         from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length
@@ -117,8 +120,12 @@ class MotionAnswer(Result):
             **{name: getattr(motion, name)[-1] for name in names},
         )
         write_scene(describe_subject(subject, self.case.request), path, overwrite=overwrite)
-        # Feet stick again at their positions; other internal states have no place in a scene.
-        lost = [name for name in motion.internal_name if "_stick" not in name]
+        speed = float(np.linalg.norm(motion.node_velocity[-1], axis=-1).max(initial=0.0))
+        if speed > AT_REST * float(np.ptp(motion.node_position[-1], axis=0).max(initial=0.0)):
+            hint = "a longer `t_end`, or the verb equilibrium, finds a state at rest"
+            self.case.warn(f"{path} begins in motion, with up to {speed:.3g} m/s of a node: {hint}")
+        # Feet stick again at their positions, work counts from 0; others have no place in a scene.
+        lost = [name for name in motion.internal_name if "_stick" not in name and not name.endswith("_work")]
         if lost:
             self.case.warn(f"{path} begins without internal states: {name_list(lost, most=10)}")
 
