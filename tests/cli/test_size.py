@@ -42,11 +42,27 @@ def test_the_d_bar_is_sized_and_written(run: Run, folder: Path, scene: Path) -> 
     assert ended.out.startswith("optimal: 8.85802309 kg")
     assert "buckling" in ended.out
     assert "proved: no sections carry the loads below 8.858023" in ended.out
-    again = run.good("size", folder / "sized.toml", *MATERIAL[4:], "--density", "rope=2700", *PRESS, "--json")
+    again = run.good("size", folder / "sized.toml", *MATERIAL[4:], *PRESS, "--json")
     assert again.data["total_mass"] == pytest.approx(8.85802309, abs=1e-7)
     assert again.data["members"]["b1"]["tension"] == {"press": pytest.approx(-7071.0678)}
     assert again.data["members"]["across"]["limit"] == "yield"
     assert again.data["mass_gradient"]["n1"][1] is None
+
+
+def test_the_written_scene_has_the_mass_that_is_stated(run: Run, folder: Path, scene: Path) -> None:
+    """8.367114 kg of bars, 0.490909 kg of the cable; a cable without force stays and is named."""
+    along = 'along = { class = "rope", nodes = ["n1", "n3"], mass = 0.25 }\n'
+    scene.write_text(D_BAR + along, encoding="utf-8")
+    ended = run.good("size", scene, *MATERIAL, *PRESS, "-o", folder / "sized.toml")
+    assert "1 member without force: along;" in ended.out
+    assert ended.out.rstrip().endswith("sized.toml: 0.25 kg more, of members without force")
+    assert "mass 9.10802 kg" in run.good("check", folder / "sized.toml").out
+
+
+def test_the_bound_beside_a_catalogue_is_of_any_sections(run: Run, scene: Path) -> None:
+    ended = run.good("size", scene, *MATERIAL, *PRESS, "--sections", "1e-3")
+    assert ended.out.startswith("local: ")
+    assert "kg, proved 8.85802 kg with sections of any area after" in ended.out
 
 
 def test_a_member_comes_before_all(run: Run, scene: Path) -> None:

@@ -27,6 +27,7 @@ from tensegrity_codegen.system.errors import (
     InfeasibleError,
     InvalidValueError,
     check_choice,
+    name_list,
 )
 from tensegrity_codegen.system.summaries import (
     ByName,
@@ -77,8 +78,8 @@ class Sizing(ByName, Summarised):
     n_splits, n_programs : int
         Intervals split by the branch and bound, and linear programs solved.
     structure : Structure
-        The structure with these sections, stiffnesses, masses of bars, and rest lengths for the tensions of
-        the first load case. Members without mass are as in the scene, without tension.
+        The structure with these sections, stiffnesses, masses, and rest lengths for the tensions of the
+        first load case. Members without force are as in the scene, without tension.
     document : mapping
         The same as a scene.
     """
@@ -400,8 +401,10 @@ def _record(
     limits = (program.lower * force, program.upper * force)
     gradient = find_mass_gradient(structure, law, tension, program.matrix, limits)
     held = _build(structure, material, area, radius, member_mass, tension[0], used)
-    proof = f"proved to {gap:.0e}" if status == "optimal" else f"proved {bound:.6g} kg"
-    idle = f"; {describe_count(int((~used).sum()), 'member')} without force" if not used.all() else ""
+    any_area = " with sections of any area" if len(areas) else ""
+    proof = f"proved to {gap:.0e}" if status == "optimal" else f"proved {bound:.6g} kg{any_area}"
+    spared = [structure.member_name[e] for e in np.flatnonzero(~used)]
+    idle = f"; {describe_count(len(spared), 'member')} without force: {name_list(spared)}" if spared else ""
     leaves = f"; not stable: {describe_count(unstable, 'motion')} without strain" if unstable else ""
     return Sizing(
         status=status,
@@ -466,7 +469,7 @@ def _build(
     sized = structure.with_changes(
         radius=outer,
         inner_radius=outer * material.radius_ratio,
-        member_mass=np.where(used & structure.is_bar, member_mass, structure.member_mass),
+        member_mass=np.where(used, member_mass, structure.member_mass),
         axial_stiffness=np.where(stiff, material.youngs_modulus * area, structure.axial_stiffness),
         spring_constant=np.where(stiff, 0.0, structure.spring_constant),
         node_velocity=np.zeros_like(structure.node_velocity),
