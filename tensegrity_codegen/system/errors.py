@@ -164,6 +164,9 @@ class AbiMismatchError(LibraryError):
     """A compiled library made for another version of the C interface."""
 
 
+MOST_ROWS = 5  # of a table in the evidence that a text shows
+
+
 class ConvergenceError(TensegrityError):
     """An iteration that did not reach its tolerance; `evidence` says how far it came."""
 
@@ -176,7 +179,11 @@ class ConvergenceError(TensegrityError):
         self.evidence = dict(evidence or {})
 
     def __str__(self) -> str:
-        rows = [f"  {key}: {value}" for key, value in self.evidence.items()]
+        rows = []
+        for key, value in self.evidence.items():
+            more = len(value) - MOST_ROWS if isinstance(value, Mapping) else 0
+            shown = dict(list(value.items())[:MOST_ROWS]) if more > 0 else value
+            rows.append(f"  {key}: {shown}" + (f" and {more:,} more" if more > 0 else ""))
         return "\n".join([super().__str__(), *rows])
 
     def as_dict(self) -> dict[str, Any]:

@@ -183,4 +183,10 @@ def test_proofs_of_no_balance_are_finite_and_name_nodes(n: int, turned: float, c
         )
     assert 1e-5 < raised.value.evidence["unbalanced_force"] < 3e3
     assert not raised.value.evidence["nodes"].startswith("0")
-    assert raised.value.evidence["motion"]
+    motion = raised.value.evidence["motion"]
+    assert len(motion) > 5
+    speed = [np.linalg.norm(at) for at in motion.values()]
+    np.testing.assert_allclose(speed, sorted(speed, reverse=True), rtol=1e-5)
+    shown = str(raised.value).splitlines()[-1]
+    assert shown.count("[") == 5
+    assert shown.endswith(f"and {len(motion) - 5} more")
