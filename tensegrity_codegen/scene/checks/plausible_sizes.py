@@ -81,7 +81,7 @@ def warn_of_radii(structure: Structure) -> list[str]:
 
 
 def warn_of_densities(structure: Structure) -> list[str]:
-    """Return a warning for bars whose mass over volume no solid has."""
+    """Return a warning for members whose mass over volume no solid has."""
     with np.errstate(divide="ignore", invalid="ignore"):
         density = structure.member_mass / (np.pi * structure.radius**2 * structure.member_length())
     is_known = np.asarray(structure.radius > 0) & (structure.member_mass > 0)
@@ -100,8 +100,10 @@ def warn_of_densities(structure: Structure) -> list[str]:
     ):
         if rows.size:
             member = int(rows[0])
+            kinds = {"bar" if is_bar else "cable" for is_bar in structure.is_bar[rows]}
+            kind = kinds.pop() if len(kinds) == 1 else "member"
             sentences.append(
-                f"{_count(rows, 'bar')} of mass over volume (pi radius^2 length) {density[member]:.4g} "
+                f"{_count(rows, kind)} of mass over volume (pi radius^2 length) {density[member]:.4g} "
                 f"kg/m3: {structure.member_name[member]}; {question}"
             )
     return sentences

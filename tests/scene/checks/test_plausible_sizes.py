@@ -243,3 +243,15 @@ def test_a_body_out_of_balance_is_named_with_the_resultant_on_it() -> None:
     pull = 400 * (length - 0.1) / length * unit + 400 * max(stretch - 0.18, 0) / stretch * tie
     force = float(np.linalg.norm(pull - 0.4 * np.array([0, 0, 9.81])))
     assert f"out of balance by {force:.4g} N at body rod, " in sentence
+
+
+def test_cables_of_no_solid_are_not_called_bars() -> None:
+    structure, _ = load_scene(MAST)
+    assert isinstance(structure, Structure)
+    cable = ~structure.is_bar
+    heavy = structure.with_changes(
+        radius=np.where(cable, 1e-4, structure.radius),
+        member_mass=np.where(cable, 50.0, structure.member_mass),
+    )
+    (sentence,) = [text for text in find_warnings(heavy) if "mass over volume" in text]
+    assert "cables are of mass over volume" in sentence
