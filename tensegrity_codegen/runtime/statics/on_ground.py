@@ -271,6 +271,7 @@ class _Loading:
         self.status, self.message = "no_equilibrium", ""
         self.ran_out: Outcome | None = None  # the last search that ended at a limit of its iterations
         self.slips = np.zeros(self.contacts.ground.n_contacts, dtype=bool)
+        self.has_slipped = False  # any foot, on any way
 
     def refine(self) -> Outcome:
         """Return the equilibrium with so many steps of the load that twice as many do not change it."""
@@ -289,9 +290,10 @@ class _Loading:
             coarser, count = equilibrium, 2 * count
         message = ""
         if self.contacts.change > SETTLED * self.size:
+            cause = "feet slip on the way" if self.has_slipped else "no foot slips"
             message = (
-                f"feet slip, and friction depends on the way: nodes moved by {self.contacts.change:.2g} m "
-                f"as the steps of the load were doubled to {count}"
+                f"{cause}, and the forces of feet depend on the steps of the load: nodes moved by "
+                f"{self.contacts.change:.2g} m as these were doubled to {count}"
             )
         return self._conclude(equilibrium, message)
 
@@ -348,9 +350,11 @@ class _Loading:
                 self._explain(equilibrium, reached)
                 return None
             self.last, here, reached = equilibrium, equilibrium.coordinate, contacts.load_factor
+            position = problem.node_position(here)
+            bristle, slips = contacts.bristles(position)
+            self.has_slipped |= bool(slips.any())
             if reached < 1.0:
-                position = problem.node_position(here)
-                contacts.begin(position, contacts.bristles(position)[0])
+                contacts.begin(position, bristle)
                 step = 1.0 / count
         return self.last
 
