@@ -218,17 +218,17 @@ def test_the_list_of_verbs_imports_no_package_that_computes() -> None:
 
 # Lines of Python that a room may have; who needs more changes the number in the same commit, and says why.
 MAX_LINES = {
-    "analyses": 5_600,
+    "analyses": 5_625,  # options of estimators in sweeps
     "cli": 5_350,  # bodies in `check`
     "codegen": 11_100,  # bodies beside bars
-    "control": 14_235,  # policies, names of wrong starts
+    "control": 14_275,  # policies, names of wrong starts, margins of stiffness
     "export": 3_300,  # bodies
     "learning": 2_150,  # environments; derivatives
     "live": 1_300,
     "pipeline": 3_825,  # needs of derivatives; sizes of nearly singular shapes
     "report": 5_800,  # surfaces of bodies, pages of load paths
-    "runtime": 22_300,  # bodies in motions and statics; turns onto feet
-    "scene": 13_490,  # rigid bodies with parts, and their import; doubts of units
+    "runtime": 22_325,  # bodies in motions and statics; turns onto feet
+    "scene": 13_510,  # rigid bodies with parts, and their import; doubts of units
     "structure": 3_750,  # rigid bodies
     "studies": 7_900,
     "sweeps": 8_950,  # bodies

@@ -106,7 +106,7 @@ class GroundTable(Table):
     stick_damping: Positive | None = Field(
         None,
         description="Tangential damping of a sticking contact [N s/m]; default: critical damping of the mean "
-        "contact, 2 sqrt(kt m).",
+        "contact, 2 sqrt(kt m), with the effective mass m of a node, or of a body where it is touched.",
     )
 
 
