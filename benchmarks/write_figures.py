@@ -4,7 +4,7 @@ python benchmarks/write_figures.py [NAME ...] [--quiet | --timings] [--dirty] [-
 
 NAME: programs, such as stiff_bars; all if none. Those whose results do not depend on other work run first
 (--quiet runs them alone), those that time something last, one at a time (--timings runs them alone). These
-refuse a tree with changes of code, unless --dirty is given. What fails, or takes longer than 15
+refuse a tree with changes of code, unless --dirty is given. What fails, or takes longer than 30
 minutes, is named at the end, and its page keeps its figures. Run it with a Python that has mujoco, jax,
 numba, scikit-sundae and distributed.
 """
@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 from harness.turns import END, ROOT, describe_origin, replace_figures
 
-MOST = 900.0  # s that a program may take
+MOST = 1800.0  # s that a program may take
 README = "<!-- figures: benchmarks/write_figures.py -->"
 
 
