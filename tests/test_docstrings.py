@@ -73,7 +73,13 @@ INTERNAL = {
     *("BarPath", "StepControl", "find_snap", "find_load_snap", "join_snaps"),
     *("check_balanced", "find_optimum", "find_least_norm", "find_prestress", "find_rank", "count_freedom"),
     *("linearize_quantities", "find_kinks", "describe_kinks", "select_columns", "judge", "FreeMotions"),
-    *("PrestressStability", "find_prestress_stability", "find_stabilising_prestress", "Freedom"),
+    *(
+        "PrestressStability",
+        "find_prestress_stability",
+        "find_stabilising_prestress",
+        "Freedom",
+        "name_moving",
+    ),
     *("find_free_motions", "find_parts", "build_part_motions", "choose_even_knots"),
     *("read_until", "slip_until_held", "judge_snap"),
     *("record_outcome", "record_without_forces", "can_go_side_by_side", "block_size", "search_block"),
@@ -82,7 +88,7 @@ INTERNAL = {
     *("follow_path", "remove_momentum", "check_members", "check_motion", "summarise_tensions"),
     *("describe_tensions", "render_live", "find_modes", "load_nodes", "is_library_source", "read_manifest"),
     *("compile_source", "check_buildable", "Sensing", "find_sensing", "find_cables", "CableTensions"),
-    *("TensionLine", "TensionProgram"),
+    *("TensionLine", "TensionProgram", "name_moving"),
 }
 HEADINGS = ("Parameters", "Attributes", "Returns", "Raises", "Notes", "Examples")
 

@@ -27,8 +27,9 @@ from tensegrity_codegen.report.pages.page import (
 from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
 from tensegrity_codegen.report.pages.picture import draw_motion, draw_picture, draw_tensions
 from tensegrity_codegen.report.pictures.draw import pad_tension
-from tensegrity_codegen.runtime.analysis.analyse import Analysis, name_moving
+from tensegrity_codegen.runtime.analysis.analyse import Analysis
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
+from tensegrity_codegen.runtime.analysis.prestress import name_moving
 from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray

@@ -103,8 +103,10 @@ def size(
         data = {**sizing.as_evidence(), "out": None if out is None else str(out)}
         lines = [f"proved: no sections carry the loads below {sizing.lower_bound:.9g} kg"]
         if out is not None:
-            kept = float(sizing.structure.member_mass[sizing.member_mass == 0].sum())
-            lines.append(f"{out}: {kept:.6g} kg more, of members without force" if kept else str(out))
+            idle_mass = float(sizing.structure.member_mass[sizing.member_mass == 0].sum())
+            lines.append(
+                f"{out}: {idle_mass:.6g} kg more, of members without force" if idle_mass else str(out)
+            )
         columns = (sizing.radius, sizing.member_mass, sizing.limit, sizing.governing_case)
         table = sizes_table(sizing.structure, sizing.member_tension, *columns)
         output.result(data, sizing.headline(), table, *lines)

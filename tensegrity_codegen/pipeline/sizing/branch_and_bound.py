@@ -23,7 +23,7 @@ LEAST_GAIN = 1e-12  # of the mass, with which a descent goes on
 TIGHTENING_ROUNDS, LEAST_TIGHTENING = 3, 0.05  # part of the gap that a round must close for the next one
 WIDENING = 1e-7  # of limits within which a program has no solution, and that is not proved
 MARGIN = 1e-8  # by which proved limits of tensions are widened, for rounding
-USELESS = (1e-6, 1e-8, 0.0)  # of the largest force: smaller ones are left out where the others balance
+SMALL_FORCES = (1e-6, 1e-8, 0.0)  # of the largest force: smaller ones are left out where the others balance
 NEAR_BEST = 1.05  # masses over the best one from which a descent is tried
 
 
@@ -92,7 +92,7 @@ class _Search:
     def measure(self, tension: FloatArray) -> tuple[FloatArray, float]:
         """Return forces of the same members that balance to rounding, and their mass, or infinity."""
         program = self.program
-        for forces in (*(self.balance(tension, part) for part in USELESS), tension):
+        for forces in (*(self.balance(tension, cut) for cut in SMALL_FORCES), tension):
             is_within = (forces >= program.lower).all() and (forces <= program.upper).all()
             if is_within and np.abs(forces @ program.matrix.T - program.load).max() <= LARGEST_RESIDUAL:
                 return forces, float(self.law.find_mass(forces).max(axis=0).sum())

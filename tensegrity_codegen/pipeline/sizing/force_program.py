@@ -150,12 +150,13 @@ class ForceProgram:
             raise ConvergenceError("the linear program of unbalanced forces was not solved", where="HiGHS")
         point, y, _ = solution
         y = np.clip(y, -1.0, 1.0)
-        least, most = lower.ravel(), upper.ravel()
+        lowest_force, highest_force = lower.ravel(), upper.ravel()
         reduced = np.asarray(-(self.balance.T @ y))
-        taken = _find_least(reduced, least, most)
-        if taken == -np.inf:  # nearly a motion without strain
-            taken = _find_least(reduced, np.maximum(least, -MOST_FORCE), np.minimum(most, MOST_FORCE))
-        excess = max(float(self.load.ravel() @ y) + taken, 0.0)
+        absorbed = _find_least(reduced, lowest_force, highest_force)
+        if absorbed == -np.inf:  # nearly a motion without strain
+            limits = np.maximum(lowest_force, -MOST_FORCE), np.minimum(highest_force, MOST_FORCE)
+            absorbed = _find_least(reduced, *limits)
+        excess = max(float(self.load.ravel() @ y) + absorbed, 0.0)
         residual = point[n : n + rows] - point[n + rows :]
         return Unbalanced(y.reshape(self.load.shape), excess, residual.reshape(self.load.shape))
 

@@ -1,7 +1,7 @@
 """Analysis of a configuration: rank, self-stress, mechanisms, prestress, stability, modes."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,6 +21,7 @@ from tensegrity_codegen.runtime.analysis.prestress import (
     find_prestress,
     find_prestress_stability,
     find_stabilising_prestress,
+    name_moving,
 )
 from tensegrity_codegen.runtime.analysis.rank import (
     RANK_TOLERANCE,
@@ -49,8 +50,6 @@ MODES = 10
 # Residual, over the largest member force, up to which the present forces are in balance.
 BALANCE_TOLERANCE = 1e-6
 NO_STIFFNESS = 1e-9  # of the largest force density: less is rounding
-MOST_NAMES = 3  # of nodes that move most
-SAME_MOTION = 1e-6  # of the largest motion of a node: differences that are rounding
 UNHELD_LOAD_TOLERANCE = 1e-9  # part of the loads on rigid motions that nothing holds
 
 
@@ -171,14 +170,6 @@ class Analysis(Summarised):
     def is_loaded(self) -> bool:
         """Whether loads act."""
         return bool(self.load.any())
-
-
-def name_moving(node_name: Sequence[str], motion: FloatArray) -> str:
-    """Return the names of the nodes that move most in motions (n_nodes, 3) or (n_nodes, 3, k)."""
-    size = np.linalg.norm(motion.reshape(len(motion), -1), axis=1)
-    part = size / (size.max(initial=0.0) or 1.0)
-    order = np.argsort(-np.round(part / SAME_MOTION), kind="stable").tolist()
-    return ", ".join([*dict.fromkeys(node_name[n] for n in order if part[n] > SAME_MOTION)][:MOST_NAMES])
 
 
 def judge(analysis: Analysis, at: Configuration) -> Analysis:

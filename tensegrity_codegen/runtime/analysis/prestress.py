@@ -1,5 +1,6 @@
 """Tensions with every cable in tension, by linear programming, and their stiffness of free motions."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,8 @@ OPTIMUM_RELAXATION = 1e-6  # part of the least tension that is given up to find 
 MIN_STIFFNESS_RATIO = 1e-9  # least eigenvalue, over the largest force density, that counts as stiff
 KEPT_TENSION_RATIO = 0.1  # part of the largest least tension that stabilising tensions keep
 MAX_CUTS = 60
+MOST_NAMES = 3  # of nodes that move most
+SAME_MOTION = 1e-6  # of the largest motion of a node: differences that are rounding
 
 
 @dataclass(frozen=True)
@@ -165,6 +168,14 @@ def find_prestress_stability(
     value, vector = np.linalg.eigh(stiffness)
     is_stable = bool(value[0] > MIN_STIFFNESS_RATIO)
     return PrestressStability(is_stable, float(value[0]), value, directions @ vector)
+
+
+def name_moving(node_name: Sequence[str], motion: FloatArray) -> str:
+    """Return the names of the nodes that move most in motions (n_nodes, 3) or (n_nodes, 3, k)."""
+    size = np.linalg.norm(motion.reshape(len(motion), -1), axis=1)
+    ratio = size / (size.max(initial=0.0) or 1.0)
+    order = np.argsort(-np.round(ratio / SAME_MOTION), kind="stable").tolist()
+    return ", ".join([*dict.fromkeys(node_name[n] for n in order if ratio[n] > SAME_MOTION)][:MOST_NAMES])
 
 
 def find_stabilising_prestress(

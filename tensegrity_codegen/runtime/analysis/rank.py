@@ -146,7 +146,7 @@ def _describe_doubt(relative: FloatArray, rank: int, gap: float, tolerance: floa
         return (
             f"the rank is not clear: the smallest singular value that counts as not zero is "
             f"{relative[rank - 1]:.3g} of the largest, next to the tolerance of {tolerance:g}; in a rounded "
-            f"shape it may be zero: --rank-tolerance {_round_up(relative[rank - 1])} counts it so"
+            f"shape it may be zero: `rank_tolerance={_round_up(relative[rank - 1])}` counts it so"
         )
     return ""
 

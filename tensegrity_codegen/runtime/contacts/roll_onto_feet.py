@@ -9,7 +9,6 @@ import itertools
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.system.arrays import FloatArray
@@ -39,8 +38,7 @@ def roll_onto_feet(ground: Ground, position: FloatArray, load: FloatArray) -> Fl
             angle = _find_touch(center[k] - center[pivot], axis, ground.normal, rise, STRAIGHT * size)
             if angle is not None:
                 angles.append(angle)
-        turn = Rotation.from_rotvec(min(angles) * axis)
-        position = center[pivot] + turn.apply(position - center[pivot])
+        position = center[pivot] + _turn(position - center[pivot], axis, min(angles))
     return position
 
 
@@ -53,30 +51,37 @@ def _find_turn(
     reach: float,
 ) -> tuple[int, FloatArray | None]:
     """Return a foot about which a structure turns, and the axis (3,): None if its load acts between feet."""
-    normal, first = ground.normal, int(feet[0])
-    place = center - ground.radius[:, None] * normal
+    normal, foot = ground.normal, int(feet[0])
+    lowest = center - ground.radius[:, None] * normal
     total = load.sum(axis=0)
-    moment = np.cross(position - place[first], load).sum(axis=0)
-    meets = place[first] + np.cross(normal, moment) / (total @ normal)  # where the load meets the ground
+    moment = np.cross(position - lowest[foot], load).sum(axis=0)
+    meets = lowest[foot] + np.cross(normal, moment) / (total @ normal)  # where the load meets the ground
     # The nearest point of the feet's hull: on a foot, or on the line of two.
-    distance, nearest, pivot, other = np.inf, meets, first, first
+    distance, nearest, pivot, partner = np.inf, meets, foot, foot
     for i, j in itertools.combinations_with_replacement(feet.tolist(), 2):
-        along = place[j] - place[i]
+        along = lowest[j] - lowest[i]
         span = float(along @ along)
-        part = float(np.clip((meets - place[i]) @ along / span, 0.0, 1.0)) if span > reach**2 else 0.0
-        point = place[i] + part * along
+        fraction = float(np.clip((meets - lowest[i]) @ along / span, 0.0, 1.0)) if span > reach**2 else 0.0
+        point = lowest[i] + fraction * along
         if (away := float(np.linalg.norm(meets - point))) < distance - reach:
-            ends = (i, j) if 0.0 < part < 1.0 else ((i, i) if part == 0.0 else (j, j))
-            distance, nearest, (pivot, other) = away, point, ends
+            ends = (i, j) if 0.0 < fraction < 1.0 else ((i, i) if fraction == 0.0 else (j, j))
+            distance, nearest, (pivot, partner) = away, point, ends
     outward = meets - nearest
-    is_between = distance <= reach or bool(np.any((place[feet] - nearest) @ outward > reach * distance))
+    is_between = distance <= reach or bool(np.any((lowest[feet] - nearest) @ outward > reach * distance))
     if is_between:
         return pivot, None
     axis = np.cross(normal, outward)
-    if other != pivot:  # the line of two centres, which balls of different sizes incline
-        line = center[other] - center[pivot]
+    if partner != pivot:  # the line of two centres, which balls of different sizes incline
+        line = center[partner] - center[pivot]
         axis = line * np.sign(line @ axis)
     return pivot, axis / np.linalg.norm(axis)
+
+
+def _turn(arm: FloatArray, axis: FloatArray, angle: float) -> FloatArray:
+    """Return vectors (n, 3) from the pivot turned about the axis by an angle [rad]."""
+    along = np.outer(arm @ axis, axis)
+    turned: FloatArray = along + (arm - along) * np.cos(angle) + np.cross(axis, arm) * np.sin(angle)
+    return turned
 
 
 def _find_touch(

@@ -126,8 +126,8 @@ class LoadPath(Summarised):
         if len(value) < 3 or value.min() <= 0:
             return None
         before, after = np.maximum.accumulate(value), np.maximum.accumulate(value[::-1])[::-1]
-        near = np.flatnonzero(value < NEAR_BIFURCATION * np.minimum(before, after))
-        return float(self.load_factor[near[value[near].argmin()]]) if near.size else None
+        candidates = np.flatnonzero(value < NEAR_BIFURCATION * np.minimum(before, after))
+        return float(self.load_factor[candidates[value[candidates].argmin()]]) if candidates.size else None
 
     def describe_stability(self, digits: int) -> list[str]:
         """Return sentences about where it is no longer stable, or hardly so."""
@@ -135,10 +135,10 @@ class LoadPath(Summarised):
             return [f"it is stable up to load factor {self.stable_up_to:.{digits}g} only"]
         if self.near_bifurcation is None:
             return []
-        first, least = self.smallest_eigenvalue[0], self.smallest_eigenvalue.min()
+        start, minimum = self.smallest_eigenvalue[0], self.smallest_eigenvalue.min()
         return [
             f"it passes near a bifurcation at load factor {self.near_bifurcation:.4g}, where the smallest "
-            f"eigenvalue falls from {first:.3g} to {least:.3g} N/m: a structure that differs a little may "
+            f"eigenvalue falls from {start:.3g} to {minimum:.3g} N/m: a structure that differs a little may "
             "lose its stability there"
         ]
 

@@ -63,8 +63,8 @@ def warn_of_units(structure: Structure) -> list[str]:
         (stress < LEAST_YIELD_STRESS, "the yield stress is below that of any solid (in MPa?)", stress, "Pa"),
     )
     sentences = []
-    for which, problem, value, unit in checked:
-        shown = [f"{structure.member_name[e]} ({value[e]:.6g} {unit})" for e in np.flatnonzero(which)]
+    for flagged, problem, value, unit in checked:
+        shown = [f"{structure.member_name[e]} ({value[e]:.6g} {unit})" for e in np.flatnonzero(flagged)]
         sentences += [f"{problem}: {name_list(shown, most=3)}"] if shown else []
     return sentences
 

@@ -57,7 +57,7 @@ def test_a_value_of_rounded_coordinates_is_named_and_counts_as_zero_when_told(la
     found = find_rank(matrix)
     assert found.rank == 4
     assert "1.3e-05 of the largest" in found.warning
-    assert "--rank-tolerance 1e-4 counts it so" in found.warning
+    assert "`rank_tolerance=1e-4` counts it so" in found.warning
     told = find_rank(matrix, tolerance=1e-4)
     assert (told.rank, told.warning) == (3, "")
 

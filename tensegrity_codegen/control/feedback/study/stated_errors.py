@@ -190,8 +190,8 @@ def draw_errors(
 
 def check_starts(model: CompiledModel, motion: Motion, drawn: Sequence[DrawnErrors]) -> None:
     """Raise InvalidValueError for errors of the start with which rigid parts find no way to their lengths."""
-    least = _find_least_rigid(model)
-    for errors in drawn if np.isfinite(least) else ():
+    shortest = _find_least_rigid(model)
+    for errors in drawn if np.isfinite(shortest) else ():
         try:
             state = read_disturbance(model, motion, Disturbance(coordinate_error=errors.coordinate)).state
             is_kept = np.abs(keep_bars(model, state.copy()) - state).max() <= KEPT_WITHIN
@@ -201,8 +201,8 @@ def check_starts(model: CompiledModel, motion: Motion, drawn: Sequence[DrawnErro
             raise InvalidValueError(
                 "with so large an error of the start rigid bars or bodies collapse", where="start_error",
                 given=f"{np.abs(errors.coordinate).max():.3g} m", allowed="much less than the shortest of "
-                f"the rigid bars, and of the distances between corners of a body: {least:.3g} m",
-                hint=f"a tenth of it: `start_error={SAFE_PART * least:.1g}` [m]",
+                f"the rigid bars, and of the distances between corners of a body: {shortest:.3g} m",
+                hint=f"a tenth of it: `start_error={SAFE_PART * shortest:.1g}` [m]",
             )  # fmt: skip
 
 
