@@ -32,8 +32,7 @@ from tensegrity_codegen.control.feedback.study.stated_errors import (
     Draws,
     StatedErrors,
     check_errors,
-    check_starts,
-    draw_errors,
+    draw_all_errors,
     find_default_times,
     read_draws,
     read_times,
@@ -141,8 +140,7 @@ class SweptControl(CaseAnalysis):
         draws = read_draws(Draws(self.draws, self.draw_seed))
         stated = StatedErrors(start_error=self.start_error, stiffness_error=0.0)
         check_errors(model, stated)
-        drawn = tuple(draw_errors(model, stated, tuning.scales, draws.seed, k) for k in range(draws.number))
-        check_starts(model, motion, drawn)
+        drawn = draw_all_errors(model, motion, stated, tuning.scales, draws)
         default = find_default_times(motion, *find_time_constants(built["stored_gains"], estimator))[0]
         end, error_window = read_times(self.sample_time, default, self.t_end, self.last)
         count_samples(end, self.sample_time)

@@ -10,9 +10,9 @@ import numpy as np
 from tensegrity_codegen.report.long_table import LongTable, add_row, new_table, rank_rows
 from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.report.tables import classes_table, rank_members
-from tensegrity_codegen.runtime.analysis.analyse import NO_STIFFNESS, Analysis
+from tensegrity_codegen.runtime.analysis.analyse import Analysis
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
-from tensegrity_codegen.runtime.analysis.prestress import Prestress
+from tensegrity_codegen.runtime.analysis.prestress import MIN_STIFFNESS_RATIO, Prestress
 from tensegrity_codegen.runtime.model.arrays import write_arrays
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS
@@ -183,7 +183,7 @@ def _describe_unstable(analysis: Analysis) -> str:
     if not analysis.stability.is_stable:
         value = analysis.stability.smallest_eigenvalue
         size = f"a stiffness of {format_short(value)} of the largest force density"
-        kind = "no stiffness" if abs(value) < NO_STIFFNESS else size
+        kind = "no stiffness" if abs(value) < MIN_STIFFNESS_RATIO else size
         return f"Unstable: the tensions found give {analysis.loose_mechanisms} {kind}"
     return (
         "Unstable at the present tensions: the smallest eigenvalue of the stiffness is "

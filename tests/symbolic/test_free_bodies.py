@@ -110,15 +110,20 @@ def test_position_axes_angular_velocity_and_energy_of_bodies(seed: int) -> None:
     assert len(x) == 1
 
 
-@pytest.mark.parametrize("inertia", [(1e-3, 1.5e-3, 2.5e-3), (1e-3, 1e-3, 1e-8), (1e-3, 1e-3, 1e-3)])
-def test_flat_thin_and_round_bodies_move_as_others(inertia: tuple[float, ...]) -> None:
-    """The corners of a flat body lie in a plane but one without mass, those of a thin one near a line."""
+def make_case(inertia: tuple[float, ...]) -> Case:
+    """Return the first random scene with bodies of 0.5 kg of these principal inertias [kg m2]."""
     scene = make_random(0)
     for body in scene["bodies"].values():
         for key in ("parts", "centre_of_mass"):
             body.pop(key, None)
         body |= {"mass": 0.5, "inertia": list(inertia)}
-    case = Case(0, scene)
+    return Case(0, scene)
+
+
+@pytest.mark.parametrize("inertia", [(1e-3, 1.5e-3, 2.5e-3), (1e-3, 1e-3, 1e-8), (1e-3, 1e-3, 1e-3)])
+def test_flat_thin_and_round_bodies_move_as_others(inertia: tuple[float, ...]) -> None:
+    """The corners of a flat body lie in a plane but one without mass, those of a thin one near a line."""
+    case = make_case(inertia)
     found = case.found("state_derivative", **case.arguments)
     assert differ(found, case.rates(case.y)) < 1e-10
 
@@ -126,12 +131,7 @@ def test_flat_thin_and_round_bodies_move_as_others(inertia: tuple[float, ...]) -
 @pytest.mark.parametrize("inertia", [(1e-3, 1.5e-3, 2.5e-3), (1e-3, 1e-3, 1e-6)])
 def test_the_consistent_place_of_a_body_is_the_nearest_by_masses(inertia: tuple[float, ...]) -> None:
     """What is corrected has no momentum, (x - P x)^T H r = 0 for each rigid motion r, but for its squares."""
-    scene = make_random(0)
-    for body in scene["bodies"].values():
-        for key in ("parts", "centre_of_mass"):
-            body.pop(key, None)
-        body |= {"mass": 0.5, "inertia": list(inertia)}
-    case = Case(0, scene)
+    case = make_case(inertia)
     structure, arguments = case.mapped.structure, case.arguments
     rows = np.array([node for node, _ in structure.coordinate_node_axis])
     on_body = np.isin(rows, structure.bodies[0].corner)

@@ -16,6 +16,7 @@ from tensegrity_codegen.runtime.analysis.configuration import (
     read_configuration,
 )
 from tensegrity_codegen.runtime.analysis.prestress import (
+    MIN_STIFFNESS_RATIO,
     Prestress,
     PrestressStability,
     find_prestress,
@@ -49,7 +50,6 @@ UNJUDGED = "the present forces are not in balance, so that stability is not judg
 MODES = 10
 # Residual, over the largest member force, up to which the present forces are in balance.
 BALANCE_TOLERANCE = 1e-6
-NO_STIFFNESS = 1e-9  # of the largest force density: less is rounding
 UNHELD_LOAD_TOLERANCE = 1e-9  # part of the loads on rigid motions that nothing holds
 
 
@@ -156,8 +156,8 @@ class Analysis(Summarised):
         total, value = self.n_mechanisms, self.stability.eigenvalue
         if total == 1:
             return "the only mechanism"
-        count = int((np.abs(value) < NO_STIFFNESS).sum())
-        if self.stability.smallest_eigenvalue <= -NO_STIFFNESS or count < 2:
+        count = int((np.abs(value) < MIN_STIFFNESS_RATIO).sum())
+        if self.stability.smallest_eigenvalue <= -MIN_STIFFNESS_RATIO or count < 2:
             return f"one of {total:,} mechanisms"
         return f"all {total:,} mechanisms" if count == total else f"{count:,} of {total:,} mechanisms"
 
@@ -182,12 +182,14 @@ def judge(analysis: Analysis, at: Configuration) -> Analysis:
         message = _describe_proof(analysis, at) if status == "infeasible" else UNDECIDED
     elif not analysis.stability.is_stable:
         value = analysis.stability.smallest_eigenvalue
-        loose = analysis.stability.eigenvalue <= (value if value < -NO_STIFFNESS else NO_STIFFNESS)
+        loose = analysis.stability.eigenvalue <= (
+            value if value < -MIN_STIFFNESS_RATIO else MIN_STIFFNESS_RATIO
+        )
         names = label_nodes(at.manifest.node_name, at.manifest.body_places)
         moved = at.node_velocities(analysis.stability.direction[:, loose])
         kind = (
             "no stiffness"
-            if abs(value) < NO_STIFFNESS
+            if abs(value) < MIN_STIFFNESS_RATIO
             else f"a stiffness of {value:.3g} of the largest force density"
         )
         status = "unstable"

@@ -405,15 +405,22 @@ def find_support_margin(
     return margin, tuple(structure.node_name[node[k]] for k in edge)
 
 
+def find_pressure_centre(
+    normal: FloatArray, origin: FloatArray, position: FloatArray, external: FloatArray
+) -> FloatArray:
+    """Return where the resultant of loads on nodes (n_nodes, 3) [N] meets the plane through a point (3,)."""
+    about = np.cross(position - origin, external).sum(axis=0)
+    return np.asarray(origin + np.cross(normal, about) / float(external.sum(axis=0) @ normal))
+
+
 def _find_support(
     structure: Structure, place: FloatArray, position: FloatArray, external: FloatArray
 ) -> tuple[FloatArray, float, tuple[int, ...]]:
     """Return the centre of pressure (3,), the tipping margin and the feet of its edge; place: of the feet."""
     ground = structure.ground
     assert ground is not None
-    total, centre = external.sum(axis=0), place.mean(axis=0)
-    about = np.cross(position - centre, external).sum(axis=0)
-    reach = centre + np.cross(ground.normal, about) / float(total @ ground.normal)
+    centre = place.mean(axis=0)
+    reach = find_pressure_centre(ground.normal, centre, position, external)
     along = ground.tangents(structure.axes).T
     size = float(np.ptp(position, axis=0).max()) or 1.0
     return reach, *_find_margin((place - centre) @ along, (reach - centre) @ along, size)

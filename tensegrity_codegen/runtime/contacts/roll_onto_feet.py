@@ -10,6 +10,7 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.runtime.contacts.judge_stand import find_pressure_centre
 from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.system.arrays import FloatArray
 
@@ -31,14 +32,12 @@ def roll_onto_feet(ground: Ground, position: FloatArray, load: FloatArray) -> Fl
         pivot, axis = _find_turn(ground, center, feet, position, load, TOUCH * size)
         if axis is None:
             break
-        # The first of the contacts that reaches the ground, unless the moment vanishes before.
-        angles = [_find_balance(position - center[pivot], load, axis)]
-        for k in range(len(center)):
-            rise = float(ground.radius[k] - ground.radius[pivot])
-            angle = _find_touch(center[k] - center[pivot], axis, ground.normal, rise, STRAIGHT * size)
-            if angle is not None:
-                angles.append(angle)
-        position = center[pivot] + _turn(position - center[pivot], axis, min(angles))
+        # Up to the first contact that reaches the ground, unless the moment vanishes before.
+        arm, rise = center - center[pivot], ground.radius - ground.radius[pivot]
+        touch = _find_touch(arm, axis, ground.normal, rise, STRAIGHT * size)
+        angle = min(touch, _find_balance(position - center[pivot], load, axis))
+        along, across, turned = _split(position - center[pivot], axis)
+        position = center[pivot] + along + across * np.cos(angle) + turned * np.sin(angle)
     return position
 
 
@@ -53,9 +52,7 @@ def _find_turn(
     """Return a foot about which a structure turns, and the axis (3,): None if its load acts between feet."""
     normal, foot = ground.normal, int(feet[0])
     lowest = center - ground.radius[:, None] * normal
-    total = load.sum(axis=0)
-    moment = np.cross(position - lowest[foot], load).sum(axis=0)
-    meets = lowest[foot] + np.cross(normal, moment) / (total @ normal)  # where the load meets the ground
+    meets = find_pressure_centre(normal, lowest[foot], position, load)
     # The nearest point of the feet's hull: on a foot, or on the line of two.
     distance, nearest, pivot, partner = np.inf, meets, foot, foot
     for i, j in itertools.combinations_with_replacement(feet.tolist(), 2):
@@ -77,29 +74,26 @@ def _find_turn(
     return pivot, axis / np.linalg.norm(axis)
 
 
-def _turn(arm: FloatArray, axis: FloatArray, angle: float) -> FloatArray:
-    """Return vectors (n, 3) from the pivot turned about the axis by an angle [rad]."""
+def _split(arm: FloatArray, axis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the parts of vectors (n, 3) along an axis and across it, the latter turned by 90 degrees too."""
     along = np.outer(arm @ axis, axis)
-    turned: FloatArray = along + (arm - along) * np.cos(angle) + np.cross(axis, arm) * np.sin(angle)
-    return turned
+    return along, arm - along, np.cross(axis, arm)
 
 
 def _find_touch(
-    arm: FloatArray, axis: FloatArray, normal: FloatArray, height: float, least: float
-) -> float | None:
-    """Return the angle [rad] at which a point sinks to a height [m] above the pivot; None: never."""
-    along = (axis @ arm) * axis
-    cosine, sine = float((arm - along) @ normal), float(np.cross(axis, arm) @ normal)
-    radius = float(np.hypot(cosine, sine))
-    if radius <= least or abs(height - along @ normal) > radius:
-        return None
-    angle = np.arctan2(sine, cosine) + np.arccos((height - along @ normal) / radius)
-    return float(angle % (2 * np.pi))
+    arm: FloatArray, axis: FloatArray, normal: FloatArray, height: FloatArray, least: float
+) -> float:
+    """Return the angle [rad] at which the first of points sinks to its height [m] above the pivot, or inf."""
+    level, cosine, sine = (vector @ normal for vector in _split(arm, axis))
+    radius = np.hypot(cosine, sine)
+    reaches = (radius > least) & (np.abs(height - level) <= radius)
+    fall = np.arccos((height - level)[reaches] / radius[reaches])
+    angle = np.arctan2(sine[reaches], cosine[reaches]) + fall
+    return float((angle % (2 * np.pi)).min(initial=np.inf))
 
 
 def _find_balance(arm: FloatArray, load: FloatArray, axis: FloatArray) -> float:
     """Return the angle [rad] at which the moment of the loads about the axis falls to zero."""
-    along = np.outer(arm @ axis, axis)
-    cosine = float(np.cross(arm - along, load).sum(axis=0) @ axis)
-    sine = float(np.cross(np.cross(axis, arm), load).sum(axis=0) @ axis)
+    _, across, turned = _split(arm, axis)
+    cosine, sine = (float(np.cross(vector, load).sum(axis=0) @ axis) for vector in (across, turned))
     return float((np.arctan2(sine, cosine) + np.pi / 2) % (2 * np.pi))

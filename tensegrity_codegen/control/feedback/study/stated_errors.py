@@ -188,8 +188,14 @@ def draw_errors(
     return DrawnErrors(error, arguments, gusts, factors)
 
 
-def check_starts(model: CompiledModel, motion: Motion, drawn: Sequence[DrawnErrors]) -> None:
-    """Raise InvalidValueError for errors of the start with which rigid parts find no way to their lengths."""
+def draw_all_errors(
+    model: CompiledModel, motion: Motion, stated: StatedErrors, scales: Scales, draws: Draws
+) -> tuple[DrawnErrors, ...]:
+    """Return the errors of all draws.
+
+    Raises InvalidValueError for errors of the start with which rigid parts find no way to their lengths.
+    """
+    drawn = tuple(draw_errors(model, stated, scales, draws.seed, k) for k in range(draws.number))
     shortest = _find_least_rigid(model)
     for errors in drawn if np.isfinite(shortest) else ():
         try:
@@ -204,6 +210,7 @@ def check_starts(model: CompiledModel, motion: Motion, drawn: Sequence[DrawnErro
                 f"the rigid bars, and of the distances between corners of a body: {shortest:.3g} m",
                 hint=f"a tenth of it: `start_error={SAFE_PART * shortest:.1g}` [m]",
             )  # fmt: skip
+    return drawn
 
 
 def _find_least_rigid(model: CompiledModel) -> float:

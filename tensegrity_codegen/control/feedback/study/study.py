@@ -38,9 +38,8 @@ from tensegrity_codegen.control.feedback.study.stated_errors import (
     StatedErrors,
     check_errors,
     check_gust_times,
-    check_starts,
     check_times,
-    draw_errors,
+    draw_all_errors,
     find_default_times,
     read_draws,
     read_times,
@@ -224,9 +223,8 @@ class _Work:
         # All loops over all draws, some of them at once; the runs of the worst draw are kept.
         rows: dict[str, list[RunMeasures]] = {name: [] for name in names}
         worst, worst_runs, number = -np.inf, {}, 0
-        scales, draws = self.tuning.scales, self.draws.number
-        drawn = [draw_errors(self.model, self.stated, scales, self.draws.seed, k) for k in range(draws)]
-        check_starts(self.model, self.motion, drawn)
+        draws = self.draws.number
+        drawn = draw_all_errors(self.model, self.motion, self.stated, self.tuning.scales, self.draws)
         size = 1 if self.draws.batch is None else CHUNK
         for start in range(0, draws, size):
             some = range(start, min(start + size, draws))
@@ -257,7 +255,7 @@ class _Work:
             distribution=self.distribution,
             errors=self.stated,
             bounds=bounds,
-            drawn=tuple(drawn),
+            drawn=drawn,
             loops=loops,
             margins=margins,
             predicted=predicted,
