@@ -108,6 +108,7 @@ def left_open(request: pytest.FixtureRequest) -> Iterator[list[str]]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ResourceWarning)
         gc.collect()
+    gc.freeze()  # what is left stays in caches; the next module need not look at it again
     found = [str(item.message) for item in caught if issubclass(item.category, ResourceWarning)]
     assert not found, f"{request.node.name}: {'; '.join(found)}; left open by: {', '.join(suspects)}"
 
