@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,8 +14,8 @@ from tensegrity_codegen.system.errors import (
     NonFiniteError,
     UnknownNameError,
     check_choice,
-    suggest,
 )
+from tensegrity_codegen.system.name_patterns import find_matching
 
 if TYPE_CHECKING:
     import numpy as np
@@ -120,12 +119,8 @@ def parse_loads(
         if not equals:
             allowed, hint = "NODE=fx,fy,fz" + _own_form(structure.axes), "for example t1=0,0,-10"
             raise InvalidValueError("not a load", where=option, given=entry, allowed=allowed, hint=hint)
-        exact = index.get(pattern.strip())
-        alike = [node for name, node in index.items() if fnmatchcase(name, pattern.strip())]
-        nodes = alike if exact is None else [exact]
-        if not nodes:
-            allowed, hint = "a node of the scene, or a pattern such as t*", suggest(pattern, index)
-            raise UnknownNameError("unknown node", where=option, given=pattern, allowed=allowed, hint=hint)
+        allowed = "a node of the scene, or a pattern such as t*"
+        nodes = find_matching(pattern.strip(), index, option, allowed)
         force = np.array(parse_vector(vector, f"{option} {pattern}", structure.axes))
         dropped = [axis for axis in range(3) if axis not in structure.axes and force[axis] != 0.0]
         if dropped:

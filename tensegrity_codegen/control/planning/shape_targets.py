@@ -8,7 +8,6 @@ keep that side: where the structure bends, the centre line may become perpendicu
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -21,10 +20,9 @@ from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import (
     FormulationError,
     InvalidValueError,
-    UnknownNameError,
     name_list,
-    suggest,
 )
+from tensegrity_codegen.system.name_patterns import find_matching
 
 RING = re.compile(r"([bt])(?:(\d+)_)?(\d+)")
 Shape = Callable[[FloatArray], FloatArray]
@@ -38,20 +36,9 @@ FLAT = 1e-6  # second extent of a set of nodes, next to the first, below which i
 
 def find_nodes(names: Sequence[str], node_name: Sequence[str], where: str) -> IntArray:
     """Return the indices of nodes."""
-    indices: list[int] = []
-    for name in names:
-        rows = [k for k, candidate in enumerate(node_name) if candidate == name]
-        if "*" in name:
-            rows = [k for k, candidate in enumerate(node_name) if fnmatchcase(candidate, name)]
-        if not rows:
-            raise UnknownNameError(
-                "unknown node",
-                where=where,
-                given=name,
-                allowed="nodes of the structure",
-                hint=suggest(name, node_name),
-            )
-        indices += rows
+    index = {name: k for k, name in enumerate(node_name)}
+    allowed = "nodes of the structure"
+    indices = [k for name in names for k in find_matching(name, index, where, allowed)]
     twice = [node_name[k] for k in indices if indices.count(k) > 1]
     if twice:
         raise InvalidValueError(

@@ -66,7 +66,7 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
     point_names = node["node_name"]
     node, member, free_bodies = add_corners(node, member, bodies, where)
     names = (*point_names, *node["node_name"][len(point_names) :])  # points as the scene writes them
-    node["node_load"] = build_node_load(names, loads, axes, where)
+    node["node_load"] = build_node_load(names, loads, axes, where, len(names) - len(point_names))
     targets = Targets(
         names,
         member["member_name"],

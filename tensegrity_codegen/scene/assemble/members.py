@@ -14,6 +14,7 @@ from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.scene.schema.part_schema import Load, Member, MemberClass, Node
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.system.name_patterns import find_matching
 from tensegrity_codegen.tables.laws import LAWS, LINEAR
 from tensegrity_codegen.tables.laws.law import Law, compute_spring_constant
 from tensegrity_codegen.tables.strands import list_strands
@@ -75,17 +76,20 @@ def _anchored(
 
 
 def build_node_load(
-    names: tuple[str, ...], loads: Sequence[Load], axes: tuple[int, ...], where: str
+    names: tuple[str, ...], loads: Sequence[Load], axes: tuple[int, ...], where: str, n_corners: int = 0
 ) -> FloatArray:
-    """Return the load on each node, (n_nodes, 3) [N]; loads on one node add up."""
+    """Return the load on each node, (n_nodes, 3) [N]; loads add up. Patterns leave out the last, corners."""
     index = {name: row for row, name in enumerate(names)}
-    for number, load in enumerate(loads):
-        problem, allowed = "a load on a node that is not defined", "the name of a node"
-        check_known(load.node, index, problem, allowed, where, "loads", number, "node")
+    others = dict(list(index.items())[: len(names) - n_corners])
+    wanted = 'nodes, or a pattern such as "t*"', "a load on a node that is not defined"
     paths = [("loads", number, "force") for number in range(len(loads))]
+    force = spread_vectors([load.force for load in loads], axes, paths, where)
     total = np.zeros((len(names), 3))
-    target = np.array([index[load.node] for load in loads], dtype=np.int64)
-    np.add.at(total, target, spread_vectors([load.force for load in loads], axes, paths, where))
+    for number, load in enumerate(loads):
+        texts = [load.node] if isinstance(load.node, str) else load.node
+        place = key_path(where, "loads", number, "node")
+        found = [find_matching(text, index if text in index else others, place, *wanted) for text in texts]
+        total[list({row for rows in found for row in rows})] += force[number]
     return total
 
 

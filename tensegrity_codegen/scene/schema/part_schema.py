@@ -10,6 +10,7 @@ from tensegrity_codegen.scene.schema.schema_types import (
     Anchored,
     MemberValues,
     Name,
+    NodePattern,
     NodeReference,
     NodeReferences,
     NotNegative,
@@ -160,10 +161,17 @@ class Node(Table):
     velocity: Vector | None = Field(None, description="Velocity at the start [m/s]; 0 on anchored axes.")
 
 
-class Load(Table):
-    """A constant force on one node."""
+NodePatterns: TypeAlias = Annotated[
+    Annotated[NodePattern, Tag("@name")]
+    | Annotated[tuple[NodePattern, ...], Strict(False), Field(min_length=1), Tag("@names")],
+    Discriminator(tag_by_type(str, "@name", "@names")),
+]
 
-    node: NodeReference = Field(description='Name of the node, or "body.point".')
+
+class Load(Table):
+    """A constant force on a node, or on each of several."""
+
+    node: NodePatterns = Field(description='Node, "body.point", or pattern such as "t*"; or a list of them.')
     force: Vector = Field(description="Force [N], constant in direction.")
 
 

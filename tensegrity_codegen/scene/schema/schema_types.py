@@ -55,6 +55,9 @@ PointReference: TypeAlias = Annotated[
 NodeReference: TypeAlias = Annotated[
     str, StringConstraints(pattern=rf"{NAME_PATTERN[:-1]}(\.{NAME_PATTERN[1:-1]})?$")
 ]
+NodePattern: TypeAlias = Annotated[
+    str, StringConstraints(pattern=r"^[A-Za-z*?\[][A-Za-z0-9_.*?!\[\]-]{0,126}$")
+]
 NodeReferences: TypeAlias = Annotated[tuple[NodeReference, ...], Strict(False), Field(min_length=1)]
 References: TypeAlias = Annotated[tuple[Reference, ...], Strict(False), Field(min_length=1)]
 

@@ -170,10 +170,12 @@ class _KeyReader:
             case ("loads", int(number), "force", int(place)):
                 load = self.scene.loads[number]
                 # Loads on one node add up.
-                forces = [entry for entry in self.scene.loads if isinstance(entry, Load)]
-                if not isinstance(load, Load) or [entry.node for entry in forces].count(load.node) > 1:
+                index = {name: row for row, name in enumerate(self.subject.node_name)}
+                nodes = [str(entry.node) for entry in self.scene.loads if isinstance(entry, Load)]
+                rows = [index.get(node.replace(".", "_"), -1) for node in nodes]  # -1: several nodes
+                if not isinstance(load, Load) or nodes.count(str(load.node)) > 1 or -1 in rows:
                     return []
-                row = self.subject.node_name.index(load.node.replace(".", "_"))  # of a point of a body
+                row = index[str(load.node).replace(".", "_")]
                 return self._in_vectors("node_load", row, self._axis(place, len(load.force)))
             case ("nodes", str(name), "mass") if self.has_node_state:
                 return [("node_mass", self.subject.node_name.index(name))]

@@ -41,6 +41,21 @@ def test_loads_on_one_node_add_up():
     np.testing.assert_array_equal(structure.node_load, [[0, 0, 0], [0, 0, 0], [2, 2, 0]])
 
 
+@pytest.mark.parametrize("nodes", ["[bc]", ["c", "b"], ["*", "[!a]"]])
+def test_a_load_on_each_node_of_a_pattern_or_list(nodes):
+    every = nodes == ["*", "[!a]"]
+    structure, _ = build(changed("loads", to=[{"node": nodes, "force": [1, 2, 0]}]))
+    np.testing.assert_array_equal(structure.node_load, [[every, 2 * every, 0], [1, 2, 0], [1, 2, 0]])
+
+
+@pytest.mark.parametrize(("nodes", "given"), [("d*", "d*"), (["c", "cc"], "cc")])
+def test_a_load_on_no_node_at_all(nodes, given):
+    with pytest.raises(UnknownNameError) as caught:
+        build(changed("loads", 0, "node", to=nodes))
+    assert (caught.value.where, caught.value.given) == (f"{WHERE}: loads[0].node", given)
+    assert "'c'" in caught.value.hint
+
+
 def test_a_load_on_an_unknown_node():
     with pytest.raises(UnknownNameError) as caught:
         build(changed("loads", 0, "node", to="cc"))

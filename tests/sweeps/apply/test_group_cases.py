@@ -191,6 +191,8 @@ def test_loads_on_one_node_add_up() -> None:
     document["loads"].append({"node": "t1", "force": [0.1, 0.0, 0.7]})
     group_and_compare(document, build_cases(["loads[0].force[2]=-10:0:7"]))
     group_and_compare(document, build_cases(["loads[0].force[2]=-10:0:3", "loads[1].force[2]=-1:0:3"]))
+    document["loads"][0]["node"] = "t*"
+    group_and_compare(document, build_cases(["loads[0].force[2]=-10:0:3", "loads[1].force[2]=-1:0:3"]))
 
 
 def test_a_structure_far_away_with_renamed_nodes_is_applied_exactly() -> None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from typing import Any
 
 import numpy as np
@@ -31,6 +30,7 @@ from tensegrity_codegen.system.checks import (
     is_number,
 )
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
+from tensegrity_codegen.system.name_patterns import find_matching
 
 STIFFNESSES = ("axial_stiffness", "spring_constant")
 SAFE_PART = 0.1  # of the shortest rigid distance: an error of the start with which nothing collapses
@@ -262,19 +262,21 @@ def _select_nodes(model: CompiledModel, gust: RandomGust) -> list[str]:
     manifest = model.manifest
     spec = manifest.find_argument(NODE_LOAD)
     nodes = () if spec is None else spec.over
-    matching = [name for name in nodes if fnmatchcase(name, gust.nodes)]
+    index = {name: k for k, name in enumerate(nodes)}
+    allowed = "a free node of the scene, or a pattern such as 't*'"
+    matching = find_matching(gust.nodes, index, "gust.node", allowed, "no free node has this name")
     # Nodes that no coordinate moves.
     q = np.asarray(model.nominal("coordinate"), dtype=float)
     change = PROBE * np.random.default_rng(0).normal(size=q.shape)
     moved = np.linalg.norm(place_nodes(model, q + change) - place_nodes(model, q), axis=1)
     held = {name for name, way in zip(manifest.node_name, moved.tolist(), strict=True) if way < HELD_WITHIN}
-    free = [name for name in matching if name not in held]
+    free = [nodes[k] for k in matching if nodes[k] not in held]
     if not free:
         raise UnknownNameError(
-            "no free node has this name" if not matching else "only anchored nodes have this name",
+            "only anchored nodes have this name",
             where="gust.node",
             given=gust.nodes,
-            allowed="a free node of the scene, or a pattern such as 't*'",
+            allowed=allowed,
             hint=suggest(gust.nodes, [name for name in nodes if name not in held]),
         )
     return free
