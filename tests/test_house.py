@@ -228,7 +228,7 @@ MAX_LINES = {
     "pipeline": 3_825,  # needs of derivatives; sizes of nearly singular shapes
     "report": 5_800,  # surfaces of bodies, pages of load paths
     "runtime": 22_325,  # bodies in motions and statics; turns onto feet
-    "scene": 13_515,  # rigid bodies with parts, and their import; doubts of units
+    "scene": 13_520,  # rigid bodies with parts, and their import; doubts of units
     "structure": 3_750,  # rigid bodies
     "studies": 7_900,
     "sweeps": 8_950,  # bodies

@@ -157,7 +157,7 @@ def _read_case(
     """Return the scene with the values of --load and --input."""
     from tensegrity_codegen.analyses.cases.scene_case import SceneCase
 
-    subject, request = output.load(scene, settles=analysis.settles)
+    subject, request = output.load(scene, settles=analysis.settles, sags=True)
     subject = analysis.prepare_structure(subject)
     texts = given.get("load") or ()
     return SceneCase(

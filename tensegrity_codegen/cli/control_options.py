@@ -312,7 +312,7 @@ def read_controlled(
     from tensegrity_codegen.analyses.cases.scene_case import SceneCase
     from tensegrity_codegen.analyses.plans.planned import add_actuators
 
-    structure, request = output.load(scene, settles=True)
+    structure, request = output.load(scene, settles=True, sags=True)
     structure = add_actuators(structure, held.actuate)
     return SceneCase(
         structure,

@@ -138,19 +138,23 @@ class Output:
         else:
             print_aside(text)
 
-    def load(self, scene: Path, *, settles: bool = False) -> "tuple[Structure | BodySystem, ModelRequest]":
-        """Read a scene and print probable slips in it; settles: whether the verb settles it first."""
+    def load(
+        self, scene: Path, *, settles: bool = False, sags: bool = False
+    ) -> "tuple[Structure | BodySystem, ModelRequest]":
+        """Read a scene and print probable slips in it; settles, sags: see `find_scene_warnings`."""
         from tensegrity_codegen.pipeline.compile_scene import load_scene
 
         subject, request = load_scene(scene)
-        self.warn_of(subject, settles=settles)
+        self.warn_of(subject, settles=settles, sags=sags)
         return subject, request
 
-    def warn_of(self, subject: "Structure | BodySystem", *, settles: bool = False) -> None:
+    def warn_of(
+        self, subject: "Structure | BodySystem", *, settles: bool = False, sags: bool = False
+    ) -> None:
         """Print what looks like a slip in a scene."""
         from tensegrity_codegen.scene.checks.scene_warnings import find_scene_warnings
 
-        self.warn(*find_scene_warnings(subject, settles=settles))
+        self.warn(*find_scene_warnings(subject, settles=settles, sags=sags))
 
     def fail(self, error: TensegrityError) -> typer.Exit:
         """Print the error, as text on stderr and with --json as an object on stdout; return the exit."""

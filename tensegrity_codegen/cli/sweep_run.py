@@ -172,7 +172,7 @@ class SweepCall:
         )  # fmt: skip
         self._check_options()
         operation = build_analysis(self.do, self.keep, **read_operation_options(self.options))
-        output.load(self.scene, settles=self.do == "equilibrium")
+        output.load(self.scene, settles=self.do == "equilibrium", sags=True)
         prepared = self._prepare(cases, operation)
         if self.results.dry_run:
             planned = prepared.planned

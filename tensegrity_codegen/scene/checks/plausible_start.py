@@ -153,7 +153,7 @@ def _describe(
     )
 
 
-MAX_SAG_LOSS = 1e-2  # w^2 L^2 EA / (12 T^3), by which a sagging cable is softer than a straight one
+MAX_SAG_LOSS = 5e-2  # w^2 L^2 EA / (12 T^3), by which a sagging cable is softer than a straight one
 
 
 def warn_of_sag(structure: Structure) -> list[str]:

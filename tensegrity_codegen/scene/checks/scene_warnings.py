@@ -137,14 +137,19 @@ def _find_feet(position: NDArray[np.float64], axis: int) -> NDArray[np.bool_]:
     return feet
 
 
-def find_scene_warnings(subject: Structure | BodySystem, *, settles: bool = False) -> tuple[str, ...]:
-    """Return the warnings of a structure or body system; settles: the equilibrium is found first."""
+def find_scene_warnings(
+    subject: Structure | BodySystem, *, settles: bool = False, sags: bool = True
+) -> tuple[str, ...]:
+    """Return the warnings of a structure or body system.
+
+    settles: the equilibrium is found first; sags: what is computed depends on the sag of cables.
+    """
     with np.errstate(all="ignore"):  # numbers of any size are scenes
         if isinstance(subject, BodySystem):
             return find_body_warnings(subject)
-        starts = (warn_of_unstressed_bars, warn_of_members) if settles else ()
-        unsettled = [sentence for warn in starts for sentence in warn(subject)]
-        return tuple(sentence for sentence in find_warnings(subject) if sentence not in unsettled)
+        idle = (warn_of_unstressed_bars, warn_of_members) * settles + (warn_of_sag,) * (not sags)
+        left_out = [sentence for warn in idle for sentence in warn(subject)]
+        return tuple(sentence for sentence in find_warnings(subject) if sentence not in left_out)
 
 
 def find_warnings(structure: Structure) -> tuple[str, ...]:

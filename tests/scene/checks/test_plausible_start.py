@@ -170,9 +170,17 @@ def test_the_cable_its_number_and_the_key_are_named() -> None:
 
 
 def test_the_threshold() -> None:
-    # w^2 L^2 EA / (12 T^3) = 0.01 at T = (1e5 / 0.12)^(1/3) = 94.1036 N.
-    assert warn_of_sag(build(span(94.2))[0]) == []
-    assert len(warn_of_sag(build(span(94.0))[0])) == 1
+    # w^2 L^2 EA / (12 T^3) = 0.05 at T = (1e5 / 0.6)^(1/3) = 55.0321 N.
+    assert warn_of_sag(build(span(55.1))[0]) == []
+    assert len(warn_of_sag(build(span(55.0))[0])) == 1
+
+
+def test_only_what_computes_forces_or_motions_warns_of_sag() -> None:
+    structure = build(span(50.0))[0]
+    assert {*find_scene_warnings(structure)} == {
+        *find_scene_warnings(structure, sags=False),
+        *warn_of_sag(structure),
+    }
 
 
 def test_slack_cables_have_no_stiffness_left() -> None:
