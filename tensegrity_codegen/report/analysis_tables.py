@@ -12,7 +12,7 @@ from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.report.tables import classes_table, rank_members
 from tensegrity_codegen.runtime.analysis.analyse import Analysis
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
-from tensegrity_codegen.runtime.analysis.prestress import MIN_STIFFNESS_RATIO, Prestress
+from tensegrity_codegen.runtime.analysis.prestress import Prestress
 from tensegrity_codegen.runtime.model.arrays import write_arrays
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS
@@ -181,10 +181,7 @@ def _describe_stable(analysis: Analysis) -> str:
 def _describe_unstable(analysis: Analysis) -> str:
     """Return which stiffness is missing: that of mechanisms, or that at the present tensions."""
     if not analysis.stability.is_stable:
-        value = analysis.stability.smallest_eigenvalue
-        size = f"a stiffness of {format_short(value)} of the largest force density"
-        kind = "no stiffness" if abs(value) < MIN_STIFFNESS_RATIO else size
-        return f"Unstable: the tensions found give {analysis.loose_mechanisms} {kind}"
+        return f"Unstable: {analysis.describe_loose()}".replace("-", "−")
     return (
         "Unstable at the present tensions: the smallest eigenvalue of the stiffness is "
         f"{format_short(analysis.smallest_eigenvalue)} N/m"
@@ -218,8 +215,8 @@ def describe_counts(analysis: Analysis) -> tuple[tuple[str, str], ...]:
     stiffness = f"{analysis.smallest_eigenvalue:.6g} N/m"
     if analysis.stiffness.is_neutral and analysis.is_balanced:
         stiffness = f"0 within rounding ({stiffness})"
-    value = analysis.stability.smallest_eigenvalue
-    held = "no mechanism" if math.isinf(value) else f"{value:.4g} of the largest force density"
+    is_rigid = math.isinf(analysis.stability.smallest_eigenvalue)
+    held = "no mechanism" if is_rigid else analysis.least_stiffness
     return (
         ("coordinates, members", f"{rank.n_coordinates}, {rank.n_members}"),
         ("rank of the equilibrium matrix", f"{rank.rank} of {rank.largest_rank}"),

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tensegrity_codegen.report.analysis_tables import describe_analysis_finding
+from tensegrity_codegen.report.analysis_tables import describe_analysis_finding, describe_counts
 from tensegrity_codegen.runtime.analysis.analyse import Analysis, analyse
 from tensegrity_codegen.structure.member_limits import Exceeded
 from tests.reference import ReferenceModel
@@ -49,6 +49,12 @@ def test_unstable_structures_state_the_missing_stiffness(stable: Analysis) -> No
     assert describe_analysis_finding(found) == (
         "Unstable: the tensions found give the only mechanism a stiffness of −0.25 of the largest force "
         "density"
+    )
+    rounded = replace(found, stability=replace(loose, smallest_eigenvalue=-0.123456))
+    assert rounded.describe_loose().endswith("a stiffness of -0.123 of the largest force density")
+    assert describe_analysis_finding(rounded).endswith("a stiffness of −0.123 of the largest force density")
+    assert ("stiffness of mechanisms by tensions", "-0.123 of the largest force density") in describe_counts(
+        rounded
     )
     neutral = replace(found, stability=replace(loose, smallest_eigenvalue=1e-15))
     assert describe_analysis_finding(neutral).endswith("the only mechanism no stiffness")

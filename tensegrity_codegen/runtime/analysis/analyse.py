@@ -162,6 +162,17 @@ class Analysis(Summarised):
         return f"all {total:,} mechanisms" if count == total else f"{count:,} of {total:,} mechanisms"
 
     @property
+    def least_stiffness(self) -> str:
+        """Least stiffness that the tensions give to a mechanism: "0.12 of the largest force density"."""
+        return f"{self.stability.smallest_eigenvalue:.3g} of the largest force density"
+
+    def describe_loose(self) -> str:
+        """Return which mechanisms the tensions found do not stiffen, and the stiffness that they give."""
+        is_zero = abs(self.stability.smallest_eigenvalue) < MIN_STIFFNESS_RATIO
+        kind = "no stiffness" if is_zero else f"a stiffness of {self.least_stiffness}"
+        return f"the tensions found give {self.loose_mechanisms} {kind}"
+
+    @property
     def is_good(self) -> bool:
         """Whether tensions exist with every cable in tension, and the structure is stable with them."""
         return self.status == "stable"
@@ -187,14 +198,9 @@ def judge(analysis: Analysis, at: Configuration) -> Analysis:
         )
         names = label_nodes(at.manifest.node_name, at.manifest.body_places)
         moved = at.node_velocities(analysis.stability.direction[:, loose])
-        kind = (
-            "no stiffness"
-            if abs(value) < MIN_STIFFNESS_RATIO
-            else f"a stiffness of {value:.3g} of the largest force density"
-        )
         status = "unstable"
         message = (
-            f"the tensions found give {analysis.loose_mechanisms} {kind}: they do not hold the shape; "
+            f"{analysis.describe_loose()}: they do not hold the shape; "
             f"what moves most: {name_moving(names, moved)}"
         )
     elif analysis.is_balanced and analysis.stiffness.is_unstable:
