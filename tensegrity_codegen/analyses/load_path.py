@@ -22,6 +22,13 @@ if TYPE_CHECKING:
     from tensegrity_codegen.structure.member_limits import MemberFlaws
 
 RampKind = Literal["load", "loads", "gravity", "all"]
+# What the load factor multiplies with each of them.
+GROWING = {
+    "load": "the loads of --load; those of the scene and weights act in full",
+    "loads": "all loads; weights act in full",
+    "gravity": "weights; loads act in full",
+    "all": "all loads and weights, as in the check of `equilibrium` for jumps",
+}
 # Words of --events and the kinds of events that they stand for.
 EVENTS = {
     "slack": ("slack", "taut"),
@@ -44,6 +51,7 @@ class LoadRamp:
     base: "dict[str, NDArray[np.float64]]"
     pattern: "dict[str, NDArray[np.float64]]"
     parameters: dict[str, tuple[int, ...]]
+    kind: RampKind
 
     def check_moves(self, path: "ModelPath", load_texts: Sequence[str]) -> None:
         """Raise InvalidValueError if a growing load acts on anchored axes only."""
@@ -86,7 +94,7 @@ def build_ramp(
         base["gravity"], pattern["gravity"], parameters["gravity"] = 0 * weight, weight, ()
     if not any(values.any() for values in pattern.values()):
         raise _no_load(kind, load_texts)
-    return LoadRamp(base, pattern, parameters)
+    return LoadRamp(base, pattern, parameters, kind)
 
 
 def _no_load(kind: RampKind, load_texts: Sequence[str]) -> InvalidValueError:
@@ -168,14 +176,15 @@ class FollowLoadPath(SceneAnalysis):
         from tensegrity_codegen.system.progress import work_pass
 
         _check_ground(case.subject, self.floor, self.past_contact)
-        model = self._build(case)
+        ramp = build_ramp(case.subject, self.ramp, case.added_load, case.load_texts)
+        model = self._build(case, ramp)
         watches = _find_watches(model, case.subject, self.past_contact)
         floor = -10 * self.most if self.floor is None else self.floor
         with work_pass("load path") as show:
             path = _follow(model, watches, self.most, floor, self.step, show, case.warn)
-        return LoadPathResult(case, model, path, _parse_events(self.events))
+        return LoadPathResult(case, model, path, _parse_events(self.events), ramp.kind)
 
-    def _build(self, case: "SceneCase") -> "ModelPath":
+    def _build(self, case: "SceneCase", ramp: LoadRamp) -> "ModelPath":
         """Return the problem of a scene under its loads and inputs, with all that a path needs."""
         from tensegrity_codegen.pipeline.analyses import find_needs
         from tensegrity_codegen.pipeline.settle import with_statics
@@ -184,8 +193,7 @@ class FollowLoadPath(SceneAnalysis):
         from tensegrity_codegen.runtime.paths.watches import MEMBER_WATCH_QUANTITIES
         from tensegrity_codegen.structure.bodies import BodySystem
 
-        subject, texts = case.subject, case.load_texts
-        ramp = build_ramp(subject, self.ramp, case.added_load, texts)
+        subject = case.subject
         statics = with_statics(subject, case.request)
         needs = find_needs("load_path", subject, statics).alone(statics)
         extra = ("node_position",) if "page" in case.files and isinstance(subject, BodySystem) else ()
@@ -193,7 +201,7 @@ class FollowLoadPath(SceneAnalysis):
         needs = needs.wanting(*quantities, parameters=ramp.parameters)
         model = case.build(subject, needs)
         path = build_path(model, ramp.pattern, {**ramp.base, **merge_inputs(model.manifest, case.inputs)})
-        ramp.check_moves(path, texts)
+        ramp.check_moves(path, case.load_texts)
         return path
 
 
@@ -205,6 +213,7 @@ class LoadPathResult(Result):
     model: "ModelPath"
     path: "LoadPath"
     kinds: tuple[str, ...]
+    ramp: RampKind
 
     @property
     def is_good(self) -> bool:
@@ -273,6 +282,7 @@ class LoadPathResult(Result):
             "load_factor": path.load_factor,
             "smallest_eigenvalue": path.smallest_eigenvalue,
             "inputs": dict(self.case.inputs),
+            "ramp": self.ramp,
             "hint": _advise(path),
             "stable_up_to": path.stable_up_to,
             "near_bifurcation": path.near_bifurcation,
@@ -287,7 +297,9 @@ class LoadPathResult(Result):
         digits = DIGITS_ON_GROUND if self.model.model.manifest.contact_name else 10
         flaws = path.describe_stability(digits) + self.flaws.describe()
         finding = "; but ".join([f"{path.status}: {path.message}", *flaws])
-        sentences = [sentence for sentence in (finding, _advise(path), _summary(path, digits)) if sentence]
+        grows = f"the load factor multiplies {GROWING[self.ramp]}" if self.case.subject.gravity.any() else ""
+        lines = (finding, grows, _advise(path), _summary(path, digits))
+        sentences = [sentence for sentence in lines if sentence]
         events = self.events
         return [*sentences, events_table(events, self.case.whole, digits) if events else "no event"]
 

@@ -242,6 +242,16 @@ def test_own_weight_snaps_a_truss_as_the_same_force_does(run: Run, folder: Path)
     both = run("equilibrium", slight, "--load", "c=0,-5", "--json").data
     assert both["limit_load_factor"] == pytest.approx(most / 6, rel=1e-8)
     assert both["limit_added_load_factor"] == pytest.approx((most - 1) / 5, rel=1e-8)
+    # A load path tells what its factor multiplies, and has the same limit where that is the same.
+    load = ("load-path", slight, "--load", "c=0,-5", "--events", "limit")
+    for options, kind, grows, factor in (
+        (("--ramp", "all"), "all", "all loads and weights", most / 6),
+        ((), "load", "the loads of --load; those of the scene and weights act in full", (most - 1) / 5),
+    ):
+        data = run.good(*load, *options, "--json").data
+        assert (data["ramp"], data["events"][0]["load_factor"]) == (kind, pytest.approx(factor, rel=1e-8))
+        assert f"the load factor multiplies {grows}" in run.good(*load, *options).out
+    assert "the path of the increasing load and weight turns back" in ends[0].err
 
 
 def test_free_motions_are_named_and_taken_out(run: Run, prism: Path) -> None:
@@ -261,7 +271,7 @@ def test_verbs_that_settle_first_warn_of_a_far_equilibrium_and_of_a_snap(
     verb, *options = words.split()
     said = run(verb, write_truss(folder, -10, name="heavy"), "--settle", *options).err
     assert "of the structure's size" in said
-    assert "snapped: the path of the increasing load turns back" in said
+    assert "snapped: the path of the increasing load and weight turns back" in said
     beside = run(verb, write_truss(folder, -1, name="light"), "--settle", *options).err
     assert "of the structure's size" not in beside
     assert "snapped" not in beside

@@ -191,7 +191,8 @@ class Ramp:
                 return Way(limit=0.0, message=f"{FIRST_LOAD_FACTOR:g} of the loads move {moved}")
             start, lower = pushed.coordinate, FIRST_LOAD_FACTOR
         path = build_path(self.model, self.pattern, self.arguments_at(0.0))
-        return self._follow(path, start, lower)
+        has_weight = bool(np.any(self.pattern.get("gravity", 0.0)))
+        return self._follow(path, start, lower, "load and weight" if has_weight else "load")
 
     def _follow(self, path: ModelPath, start: FloatArray, least: float, growing: str = "load") -> Way:
         """Return the end of a path of stable equilibria."""
