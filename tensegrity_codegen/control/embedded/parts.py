@@ -53,7 +53,7 @@ CONTROL_STATUS: Mapping[str, str] = {
     "tension_limited": "least tensions or ranges of coordinates prevent what feedback asks for",
     "least_tension": "a least tension or range of a coordinate cannot be kept within rates, and yields",
     "not_solved": "a quadratic program failed; the command is that of feedback or of the last plan, cut",
-    "non_finite_input": "a time, measurement or state is not finite; the last command holds",
+    "non_finite_input": "a time, measurement, state or observation is not finite; the last command holds",
     "invalid_length": "a measured length is not above 0; the last command holds",
     "late": "more than 1.5 samples after the expected time; the last command holds",
     "repeated_time": "not after the time of the last step; the last command holds",

@@ -85,10 +85,14 @@ def test_times_that_are_no_numbers_change_nothing(
     controller: LoadedController, measured: Callable[[int], Array], time: float
 ) -> None:
     before = go(controller, measured, 0, 10)
+    estimate = controller.read("estimate")
     status, rest = controller.step(time, measured(10))
     assert status == "non_finite_input"
     np.testing.assert_array_equal(rest, before)
-    go(controller, measured, 10, 10)
+    np.testing.assert_array_equal(controller.read("estimate"), estimate)
+    assert controller.step(10 * SAMPLE, spoil(measured(10), 0, np.nan))[0] == "non_finite_input"
+    assert (controller.read("estimate") != estimate).any()
+    go(controller, measured, 11, 10)
 
 
 @pytest.mark.parametrize("back", [0, 1, 9])
