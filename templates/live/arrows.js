@@ -7,7 +7,9 @@ import { arrow, repeat } from "live/shapes";
 import { ARROW_FRAGMENT, ARROW_VERTEX } from "live/shaders";
 
 const LONGEST = 0.24;
+const SHORTEST = 0.05; // the same of a load, however small beside reactions
 const UPRIGHT = 0.7; // part of a force along the upward axis from which its arrow passes the mark of a support
+const RATIO = 1e-6; // part of the longest arrow below which a force is rounding
 const ROW = 512; // arrows of one row of the texture
 
 /** meshes: those of the structure, whose bars are thicker than arrows. */
@@ -41,11 +43,15 @@ export function buildArrows(model, meshes) {
   const forces = { load: largestLoad(model, loaded), reaction: model.held.length ? model.scene.largest_reaction : 0 };
   const most = Math.max(forces.load, forces.reaction);
   const scale = most > 0 ? 1 / roundUp(most / longest) : 0; // metres of 1 N
+  const shortest = SHORTEST * crowd * model.size;
   const beside = neighboursOf(model);
   const { up } = model.scene;
   /** An arrow that pushes its node against its members ends there, one that pulls starts there: both stand outside. */
-  const put = (nodes, place, node, force, first, mark) => {
-    const vector = [0, 1, 2].map((c) => (Number.isFinite(force[first + c]) ? scale * force[first + c] : 0));
+  const put = (nodes, place, node, force, first, mark, least) => {
+    const plain = [0, 1, 2].map((c) => (Number.isFinite(force[first + c]) ? scale * force[first + c] : 0));
+    const bare = Math.hypot(...plain);
+    const longer = bare > RATIO * longest ? Math.max(1, least / bare) : 1;
+    const vector = plain.map((value) => longer * value);
     const size = Math.hypot(...vector) || 1;
     const pushes = dot(vector, inward(nodes, node, beside[node])) > 0;
     const gap = Math.abs(dot(vector, up)) > UPRIGHT * size ? mark : 0.012 * model.size;
@@ -58,6 +64,8 @@ export function buildArrows(model, meshes) {
   return {
     mesh,
     forces, scale,
+    /** Length to which small loads are lengthened; 0 if none is. */
+    shortest: smallestLoad(model, loaded) * scale < shortest ? shortest : 0,
     /** Where arrows start and end. */
     points: () => Array.from({ length: count }, (_, k) => [0, 1].flatMap((end) => [0, 1, 2].map((c) => rows[8 * k + c] + end * rows[8 * k + 4 + c]))).flat(),
     hasLoads: loaded.length > 0, hasReactions: model.held.length > 0,
@@ -66,8 +74,8 @@ export function buildArrows(model, meshes) {
       uniforms.reactionColor.value.set(...palette.reaction.map((value) => value / 255));
     },
     show(state) {
-      loaded.forEach((node, k) => put(state.nodes, k, node, model.load, 3 * node, 0.012 * model.size));
-      model.held.forEach((node, k) => put(state.nodes, loaded.length + k, node, state.reaction, 3 * k, support));
+      loaded.forEach((node, k) => put(state.nodes, k, node, model.load, 3 * node, 0.012 * model.size, shortest));
+      model.held.forEach((node, k) => put(state.nodes, loaded.length + k, node, state.reaction, 3 * k, support, 0));
       texture.needsUpdate = true;
     },
   };
@@ -98,4 +106,9 @@ function inward(nodes, node, others) {
 function largestLoad(model, loaded) {
   if (model.scene.largest_load !== undefined) return model.scene.largest_load;
   return Math.max(0, ...loaded.map((k) => Math.hypot(...model.load.slice(3 * k, 3 * k + 3))));
+}
+
+/** The smallest load [N]; of motions, in which loads change, 0. */
+function smallestLoad(model, loaded) {
+  return model.loadMotion ? 0 : Math.min(...loaded.map((k) => Math.hypot(...model.load.slice(3 * k, 3 * k + 3))));
 }

@@ -99,7 +99,8 @@ export function showScale(app) {
   const forces = app.arrows?.forces ?? { load: 0, reaction: 0 };
   const like = app.colorings.tension.limit || Math.max(forces.load, forces.reaction);
   const upTo = (force) => `up to ${withUnit(force, "N", 3, like)}`;
-  if (app.arrows?.hasLoads) notes.push(["load", forces.load > 0 ? `load ${upTo(forces.load)}` : "load"]);
+  const least = app.arrows?.shortest ? `, arrows at least ${withUnit(app.arrows.shortest, "m", 2)}` : "";
+  if (app.arrows?.hasLoads) notes.push(["load", forces.load > 0 ? `load ${upTo(forces.load)}${least}` : "load"]);
   if (forces.reaction > 0) notes.push(["reaction", `reaction ${upTo(forces.reaction)}${lacking ? `, ${lacking} unknown` : ""}`]);
   else if (app.arrows?.hasReactions && lacking) notes.push(["none", `reactions unknown (${lacking})`]);
   byId("keys").replaceChildren(...notes.map(([color, text, dashed]) => {

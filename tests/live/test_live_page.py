@@ -370,11 +370,14 @@ def test_a_dome_has_lines_of_two_pixels_and_forces_in_one_unit_outside_of_it(
     assert least == pytest.approx(2.0)
     ends = np.reshape(opened.ask("tensegrity.app.arrows.points()"), (-1, 2, 3))
     held = ends[-int(dome.node_anchored.all(axis=1).sum()) :]
+    loads = np.linalg.norm(np.ptp(ends[: -len(held)], axis=1), axis=1)
+    assert loads.min() == pytest.approx(opened.ask("tensegrity.app.arrows.shortest"), rel=1e-3)
+    assert loads.min() > 0.03 * np.linalg.norm(np.ptp(dome.node_position, axis=0))  # seen beside reactions
     out = np.linalg.norm(held[:, :, :2], axis=2)  # from the axis of the dome: start, end
     assert np.all(out[:, 0] > 6.0)
     assert np.all(out[:, 1] > out[:, 0])
     words = opened.ask("document.getElementById('legend').innerText")
-    assert "load up to 7 kN" in words
+    assert re.search(r"load up to 7 kN, arrows at least [\d.]+ m", words)
     assert "reaction up to 83.5 kN" in words
     assert re.search(r"\d m, arrows \d+ kN", words)
     assert opened.ask("document.getElementById('headline').innerText").endswith("not in balance at ht")

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 
 LONGEST = 0.25  # of the structure's size, at most
+SHORTEST = 0.05  # the same of a load, however small beside reactions
 CROWD = 24  # arrows from which they get shorter and thinner
 MIN_FORCE_RATIO = 1e-6  # part of the largest force below which a force is rounding
 GAP = 0.012  # between an arrow and its node, of the structure's size
@@ -39,6 +40,7 @@ class Arrows:
     n_unknown: number of nodes at which the force is unknown in some sample.
     scale [N/m]: force over length of an arrow.
     size [m]: size of the structure.
+    shortest [m]: length to which loads are lengthened; 0 if none is.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Arrows:
     n_unknown: int
     scale: float
     size: float
+    shortest: float = 0.0
 
 
 def lay_out_arrows(
@@ -61,7 +64,7 @@ def lay_out_arrows(
 ) -> list[Arrows]:
     """Return the arrows of loads, reactions and forces of the ground, of one scale; none without a force."""
     # The scale is 1, 2 or 5 times a power of ten. An arrow ends at its node where it points towards the
-    # members there, and else starts there.
+    # members there, and else starts there. Loads that would hardly be seen are lengthened.
     axes = list(structure.axes)
     held = np.flatnonzero(structure.node_anchored[:, axes].any(axis=1) & (tension is not None))
     reaction = np.zeros((len(position), 0, 3))
@@ -79,10 +82,15 @@ def lay_out_arrows(
     arrow_sets = []
     for name, color, nodes, force in rows:
         length = np.linalg.norm(force, axis=2, keepdims=True)
-        shown = np.where(length > MIN_FORCE_RATIO * largest, force / scale, np.nan)
+        floor = SHORTEST * size * find_crowd(count) if name == "load" else 0.0
+        drawn = length > MIN_FORCE_RATIO * largest
+        floor *= bool((drawn & (length < floor * scale)).any())
+        divisor = np.fmin(np.where(drawn, length, np.inf) / floor, scale) if floor else scale
+        shown = np.where(drawn, force / divisor, np.nan)
         tail = _find_tails(structure, position, nodes, shown, size)
         unknown = int(np.isnan(force).any(axis=(0, 2)).sum())
-        arrow_sets.append(Arrows(name, color, tail, tail + shown, _largest(force), unknown, scale, size))
+        most = _largest(force)
+        arrow_sets.append(Arrows(name, color, tail, tail + shown, most, unknown, scale, size, floor))
     return [arrow_set for arrow_set in arrow_sets if arrow_set.tail.shape[1]]
 
 
@@ -178,7 +186,10 @@ def describe_arrows(arrows: list[Arrows], unit: Unit | None = None) -> list[tupl
             lines.append(("none", f"{arrow_set.name}s unknown ({arrow_set.n_unknown})"))
     if any(arrow_set.largest > 0 for arrow_set in arrows):
         length = 10.0 ** np.floor(np.log10(LONGEST * arrows[0].size))
-        lines.append(("none", f"arrow of {length:.3g} m: {describe_force(arrows[0].scale * length, unit)}"))
+        shortest = max(arrow_set.shortest for arrow_set in arrows)
+        floor = f"; of loads at least {shortest:.2g} m" if shortest else ""
+        force = describe_force(arrows[0].scale * length, unit)
+        lines.append(("none", f"arrow of {length:.3g} m: {force}{floor}"))
     return lines
 
 

@@ -79,13 +79,26 @@ def test_without_tensions_there_are_no_reactions_and_without_forces_no_arrows():
 
 def test_loads_that_change_keep_one_scale():
     structure = gallows()
-    factor = np.array([0.0, 1.0, 4.0])[:, None, None]
+    factor = np.array([0.0, 2.0, 4.0])[:, None, None]
     position = np.repeat(structure.node_position[None], 3, axis=0)
     load, _ = lay_out_arrows(structure, position, np.zeros((3, 2)), factor * structure.node_load)
     length = np.linalg.norm(load.tip - load.tail, axis=2)
     assert np.isnan(length[0]).all()
-    np.testing.assert_allclose(length[2], 4 * length[1])
+    np.testing.assert_allclose(length[2, 0], 2 * length[1, 0])
     assert load.largest == pytest.approx(24.0)
+
+
+def test_loads_that_are_small_beside_reactions_are_seen_and_the_legend_says_so():
+    load, reaction = lay_out(gallows(0.1), [100.0, -3.0])
+    length = np.linalg.norm(load.tip - load.tail, axis=2)[0]
+    np.testing.assert_allclose(length, 0.05 * load.size)
+    held = np.linalg.norm(reaction.tip - reaction.tail, axis=2)[0]
+    np.testing.assert_allclose(held, np.array([100.0, 3.0]) / load.scale)
+    assert (load.shortest, reaction.shortest) == (pytest.approx(0.05 * load.size), 0.0)
+    text = describe_arrows([load, reaction])[-1][1]
+    assert text == f"arrow of 0.1 m: {0.1 * load.scale:.3g} N; of loads at least {load.shortest:.2g} m"
+    push = gallows(0.1).with_changes(node_load=1e-6 * gallows(0.1).node_load)
+    assert np.isnan(lay_out(push, [100.0, -3.0])[0].tail).all()  # rounding stays unseen
 
 
 def test_a_reaction_keeps_clear_of_the_mark_of_its_support():
@@ -101,7 +114,7 @@ def test_forces_of_a_picture_have_one_unit():
     arrows = lay_out(structure, [83500.0, -3500.0])
     texts = [text for _, text in describe_arrows(arrows)]
     assert texts[0] == "load (largest 7 kN)"
-    assert all(text.rstrip(")").endswith(" kN") for text in texts)
+    assert all(text.partition(";")[0].rstrip(")").endswith(" kN") for text in texts)
     stiff = structure.with_changes(spring_constant=np.full(2, 1e6))
     words = {item.get_text() for item in draw(stiff).findobj(Text)}
     assert "member tension [kN]" in {text.partition("  (")[0] for text in words}
