@@ -4,6 +4,7 @@ The pages are the Markdown files of this folder. What they take from elsewhere (
 command line, the keys of scene files, the public names) `site_pages` puts in when Sphinx reads them.
 """
 
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -61,8 +62,18 @@ def read_again(app: Any, environment: Any, added: Any, changed: Any, removed: An
     return [page for page in environment.found_docs if MARK.search((HERE / f"{page}.md").read_text("utf-8"))]
 
 
+NUMBER = re.compile(r"(?<![\w#/.-])\d[\d.]*e[-+]\d+(?![^<]*>)")  # with a power of ten, outside of tags
+
+
+def keep_numbers_whole(app: Any, page: str, template: str, context: dict[str, Any], tree: Any) -> None:
+    """Keep a browser from breaking powers of ten at their sign."""
+    if "body" in context:
+        context["body"] = NUMBER.sub('<span class="whole">\\g<0></span>', context["body"])
+
+
 def setup(app: Any) -> dict[str, bool]:
     """Connect to Sphinx."""
     app.connect("source-read", put_in_what_is_elsewhere)
     app.connect("env-get-outdated", read_again)
+    app.connect("html-page-context", keep_numbers_whole)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -23,8 +23,8 @@ def check_in_browser(page: Path, numbers: list[str]) -> None:
     """Assert that a browser shows all of a page at 400 and 1,400 px, in light and in dark.
 
     Nothing is written to the console, nothing is loaded, no window scrolls sideways, each column of each
-    table can be reached, words have the contrast of WCAG 2 (4.5, large ones 3), and the heading states
-    `numbers`.
+    table can be reached, no name or number in them is broken, words have the contrast of WCAG 2 (4.5, large
+    ones 3), and the heading states `numbers`.
     """
     with running_browser() as browser:
         for width in (400, 1400):
@@ -43,7 +43,7 @@ def probe_page(browser: Browser, page: Path, width: int, scheme: str) -> dict[st
 
 
 def _check(found: dict[str, Any], numbers: list[str]) -> dict[str, Any]:
-    for name in ("complaints", "requests", "weak", "hidden", "unhinted", "unnamed"):
+    for name in ("complaints", "requests", "weak", "hidden", "unhinted", "unnamed", "broken"):
         assert found[name] == [], (name, found)
     assert found["overflow"] <= 0, found
     assert found["unseen"] == found["lost"] == 0, found

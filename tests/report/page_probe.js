@@ -56,6 +56,18 @@ for (const table of document.querySelectorAll("main table")) {
     if (isCards && cell.dataset.head && !getComputedStyle(cell, "::before").content.includes(cell.dataset.head.slice(0, 3))) unnamed.push(cell.dataset.head);
   }
 }
+// Names and numbers of tables that stand on more than one line
+const broken = new Set();
+for (const cell of document.querySelectorAll("main td, main th")) {
+  const texts = document.createTreeWalker(cell, NodeFilter.SHOW_TEXT), range = document.createRange();
+  for (let text = texts.nextNode(); text; text = texts.nextNode()) {
+    for (const { 0: word, index } of text.data.matchAll(/[\w.]+/g)) {
+      range.setStart(text, index);
+      range.setEnd(text, index + word.length);
+      if (new Set([...range.getClientRects()].map(({ top }) => Math.round(top))).size > 1) broken.add(word);
+    }
+  }
+}
 const pictures = [...document.querySelectorAll("figure svg, figure img")];
 return {
   title: document.title,
@@ -66,6 +78,7 @@ return {
   hidden: [...new Set(hidden)].slice(0, 10),
   unhinted: unhinted.slice(0, 5),
   unnamed: [...new Set(unnamed)].slice(0, 5),
+  broken: [...broken].slice(0, 5),
   unseen: pictures.filter((item) => !shows(item)).length,
   paper: luminance(background(document.body)),
   lost: [...document.images].filter((item) => !item.complete || !item.naturalWidth).length,

@@ -2,6 +2,7 @@
 
 import posixpath
 import re
+import runpy
 import sys
 from pathlib import Path
 
@@ -228,6 +229,15 @@ def test_a_live_page_is_due_where_scene_code_or_command_changed(tmp_path: Path) 
     scene.with_suffix(".csv").write_text("time,winch\n0,0\n1,0\n", encoding="utf-8")  # inputs over time
     marks.append(compute_fingerprint(scene, "code", ["play"]))
     assert len(set(marks)) == 5
+
+
+def test_powers_of_ten_stay_on_one_line_and_links_as_they_are() -> None:
+    context = {"body": '<td>3.0e-04 <a href="a.html#-1e-06">of 1e-6</a> b1e-3</td>'}
+    runpy.run_path(str(DOCS / "conf.py"))["keep_numbers_whole"](None, "a", "page.html", context, None)
+    assert re.findall(r'<span class="whole">(.*?)</span>', context["body"]) == ["3.0e-04", "1e-6"]
+    assert 'href="a.html#-1e-06"' in context["body"]
+    style = (DOCS / "site_pages" / "static" / "site.css").read_text(encoding="utf-8")
+    assert ".table-wrapper .pre, .whole { white-space: nowrap; }" in style
 
 
 TABLE = """

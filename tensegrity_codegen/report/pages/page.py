@@ -229,8 +229,9 @@ def command_section(command: str) -> Section:
 
 
 def as_sentence(text: str) -> str:
-    """Return a message as a sentence: its first letter a capital one, and a full stop."""
-    return f"{text[:1].upper()}{text[1:]}."
+    """Return a message as a sentence: its first letter a capital one, except of a name, and a full stop."""
+    is_name = not text.partition(" ")[0].rstrip(",:;").replace("-", "").isalpha()
+    return f"{text}." if is_name else f"{text[:1].upper()}{text[1:]}."
 
 
 def _section_dict(section: Section) -> dict[str, Any]:
@@ -322,7 +323,8 @@ def render_page(page: Page) -> str:
     """Return the page as HTML; all its words are escaped, only SVG pictures are taken as they are."""
     opening, remaining = lift_figure(page)
     settings = {"theme": THEME, "hint_widths": HINT_WIDTHS, "opening": opening}
-    return html_template("pages", "page.html.j2", rich=_enrich).render(page=remaining, **settings)
+    template = html_template("pages", "page.html.j2", rich=_enrich, whole=_keep_whole)
+    return template.render(page=remaining, **settings)
 
 
 def lift_figure(page: Page) -> tuple[Figure | None, Page]:
@@ -345,10 +347,14 @@ def write_page(page: Page, path: Path, *, overwrite: bool) -> None:
     write_text(render_page(page), path, overwrite=overwrite)
 
 
+def _keep_whole(text: str) -> Markup:
+    """Return escaped text, options and powers of ten of which stay on one line."""
+    return Markup(SHORT.sub('<span class="whole">\\g<0></span>', str(escape(text))))
+
+
 def _enrich(text: str) -> Markup:
     """Return escaped text with lowered indices, and with numbers and units on one line."""
-    tied = UNIT.sub("\\1\N{NO-BREAK SPACE}", str(escape(text)))
-    tied = SHORT.sub('<span class="whole">\\g<0></span>', tied)
+    tied = _keep_whole(UNIT.sub("\\1\N{NO-BREAK SPACE}", text))
     tied = tied.replace(" × 10", "\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10")
     return Markup(lower_indices(tied, "<sub>", "</sub>"))
 

@@ -15,6 +15,7 @@ from tensegrity_codegen.report.pages.page import (
     Command,
     Page,
     Section,
+    as_sentence,
     diagram_figure,
     lift_figure,
     render_page,
@@ -100,10 +101,17 @@ def test_the_first_figure_stands_beside_the_heading() -> None:
     assert "The finding." not in body
     assert body.count("<h2") == body.count('id="first"') == body.count("summary") == 0
     assert '<a href="#second">' in body
-    assert '<span class="whole">--it</span>' not in body  # a command is copied as it is
+    assert ">make <span" in body  # its options are not broken, and it is copied as it is
+    assert ">make --it</pre>" in body.replace('<span class="whole">', "").replace("</span>", "")
     assert "user-select: all" in text
     printed = make_page()  # figures of a paper stay where they are
     assert lift_figure(printed) == (None, printed)
+
+
+def test_a_sentence_keeps_the_letters_of_a_name_that_begins_it() -> None:
+    assert as_sentence("post1_1 has a safety factor of 1.2") == "post1_1 has a safety factor of 1.2."
+    assert as_sentence("no self-stress exists") == "No self-stress exists."
+    assert as_sentence("self-stress: none") == "Self-stress: none."
 
 
 def test_a_row_needs_a_cell_for_every_column() -> None:

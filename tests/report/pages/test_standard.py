@@ -214,9 +214,10 @@ def test_a_page_of_this_kind_passes_and_faults_are_found() -> None:
 
 @in_browser
 def test_a_browser_shows_all_of_it(tmp_path: Path) -> None:
-    text = render_page(
-        make_page(make_table(40, 9), make_table(5, 26), make_table(3, 2, folded="More"), draws=True)
-    )
+    names = [text_cell(name) for name in ("members.left1.rest_length", "cable_12" * 4)]
+    named = Table("Names", (Column("key", numeric=False), Column("member", numeric=False)), (tuple(names),))
+    tables = (make_table(40, 9), make_table(5, 26), make_table(3, 2, folded="More"), named)
+    text = render_page(make_page(*tables, draws=True))
     file = tmp_path / "page.html"
     file.write_text(text, encoding="utf-8")
     check_in_browser(file, ["3", "118"])
@@ -232,6 +233,7 @@ def test_the_browser_finds_faults(tmp_path: Path) -> None:
             ".scroll { overflow: hidden !important; } td { width: 400px; display: inline-block; }</style>",
         ),
         "unhinted": ("</style>", ".swipe { display: none !important; }</style>"),
+        "broken": ("</style>", "td { display: block !important; width: 3px; word-break: break-all }</style>"),
         "weak": ("</style>", ".lead { color: #888 !important; }</style>"),
         "complaints": ("<main>", "<main><script>nothing()</script>"),
         "overflow": ("<main>", '<main><div style="width: 3000px">wide</div>'),
