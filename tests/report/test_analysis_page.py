@@ -88,6 +88,29 @@ def test_a_proof_has_displacements_and_changes_of_length(infeasible: Page) -> No
     assert sorted(change)[:9] == pytest.approx([-1.0] * 9)
 
 
+def test_loads_forces_of_supports_and_sections_are_on_the_page() -> None:
+    hung = make_structure(
+        [[0, 0, 1], [0, 0, 0]], [cable(0, 1, 0.9)], anchored={0: "xyz"}, load={1: (0, 0, -1.0)}
+    )
+    pull = float(hung.static_tension()[0])
+    hung = hung.with_changes(
+        node_load=pull * hung.node_load, axial_stiffness=hung.spring_constant * 0.9,
+        spring_constant=np.zeros(1), radius=np.array([2e-3]),
+    )  # fmt: skip
+    page = page_of(hung)
+    found = sections(page)
+    _, table = found["forces"]
+    assert [column.heading for column in table.filled.columns] == ["node", "load z [N]", "support z [N]"]
+    force = [[cell.value for cell in row[1:]] for row in table.filled.rows]
+    assert force == [[None, pytest.approx(pull)], [pytest.approx(-pull), None]]
+    cells = [cell.value for cell in found["members"][1].filled.rows[0]]
+    assert cells[:2] == ["c", 1]
+    assert cells[3] == "2"
+    lacking = sections(page_of(hung.with_changes(node_load=2 * hung.node_load)))["forces"]
+    assert "no reactions" in lacking[0].caption
+    assert len(lacking[1].filled.columns) == 2
+
+
 def test_planar_structures_with_nothing_to_move() -> None:
     triangle = make_structure(
         [[0, 0, 0], [1, 0, 0], [0, 0, 1]],
