@@ -169,7 +169,7 @@ class StudyOptions:
             "--start-error",
             help="By how much every coordinate is off at the start: a displacement of nodes (3mm) or, of "
             "angles, an angle (1.2deg); both may be given; default: a hundredth of the size of the "
-            "structure, at most a tenth of the shortest rigid distance.",
+            "structure, at most a tenth of the shortest rigid distance, less along stiff members.",
             show_default=False,
         ),
     ] = None

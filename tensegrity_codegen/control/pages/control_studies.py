@@ -96,10 +96,13 @@ def errors_table(study: ControlStudy, name: str) -> Table:
     if not all(np.isnan(loop.end_tension).all() for loop in loops.values()):
         tensions = (f"{np.nanmin(loop.end_tension):.4g}" for loop in loops.values())
         add_row(table, "least tension [N]", *tensions)
-    add_row(table, "limits", *(_describe_limits(study, loop) for loop in loops.values()))
+    add_row(table, "limits at the end", *(_describe_limits(study, loop) for loop in loops.values()))
     table.add_section()
     add_row(table, "whole time", *("" for _ in loops))
     add_row(table, "error [mm]", *(_range(1000 * loop.peak_error) for loop in loops.values()))
+    if not all(np.isnan(loop.least_tension).all() for loop in loops.values()):
+        tensions = (f"{np.nanmin(loop.least_tension):.4g}" for loop in loops.values())
+        add_row(table, "least tension [N]", *tensions)
     cut = [1.0 - loop.steps.get("ok", 0) / max(sum(loop.steps.values()), 1) for loop in loops.values()]
     add_row(table, "commands cut", *(f"{fraction:.1%}" for fraction in cut))
     return table

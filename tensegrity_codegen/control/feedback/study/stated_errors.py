@@ -1,7 +1,7 @@
 """Disturbances of a study, drawn anew for each run: errors of start and stiffnesses, gusts; and its times."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from tensegrity_codegen.control.feedback.loop.sampled_plant import (
     read_disturbance,
 )
 from tensegrity_codegen.control.feedback.study.tuning import Scales, find_angles
+from tensegrity_codegen.runtime.model.arguments import INPUT
 from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes
@@ -36,6 +37,8 @@ STIFFNESSES = ("axial_stiffness", "spring_constant")
 SAFE_PART = 0.1  # of the shortest rigid distance: an error of the start with which nothing collapses
 KEPT_WITHIN = 1e-6  # m, by which rigid parts may still move once they have their lengths
 PROBE, HELD_WITHIN = 1e-3, 1e-8  # change of coordinates [m, rad], and of the position of a held node [m]
+STIFF = 10.0  # times the largest force at rest: a member that an error loads by more is stiff
+PROBED_PART, MAX_CORRECTIONS = 1e-6, 8  # of the size, to find by how much errors load members; of an error
 SIMULATED_PART = 3.0  # simulated time over that of the motion
 # Time constants of the slowest error, from the end of the motion until errors are compared.
 COMPARED_CONSTANTS = 3.0
@@ -73,7 +76,8 @@ class StatedErrors:
     start_error : float, optional [m]
         By how much each coordinate is off at the start, as the displacement of a node; its sign is drawn. By
         default a hundredth of the longest side of the box around the nodes, and at most a tenth of the
-        shortest rigid bar or distance of corners of a body.
+        shortest rigid bar or distance of corners of a body; a member that it would load by ten times the
+        largest force at rest is loaded by that force alone.
     start_angle : float, optional [rad]
         The same of coordinates that are angles, in place of `start_error`.
     stiffness_error : float
@@ -196,6 +200,8 @@ def draw_all_errors(
     Raises InvalidValueError for errors of the start with which rigid parts find no way to their lengths.
     """
     drawn = tuple(draw_errors(model, stated, scales, draws.seed, k) for k in range(draws.number))
+    if stated.start_error is None and stated.start_angle is None:
+        drawn = _spare_stiff_members(model, motion, scales, drawn)
     shortest = _find_least_rigid(model)
     for errors in drawn if np.isfinite(shortest) else ():
         try:
@@ -211,6 +217,34 @@ def draw_all_errors(
                 hint=f"a tenth of it: `start_error={SAFE_PART * shortest:.1g}` [m]",
             )  # fmt: skip
     return drawn
+
+
+def _spare_stiff_members(
+    model: CompiledModel, motion: Motion, scales: Scales, drawn: tuple[DrawnErrors, ...]
+) -> tuple[DrawnErrors, ...]:
+    """Return the errors, changed least where they would load members far more than anything is at rest."""
+    point, largest = motion.at(0.0), np.abs(motion.member_tension[0]).max(initial=0.0)
+    at = {**read_disturbance(model, motion, None).given, "velocity": point.velocity, INPUT: point.input}
+    elastic = ~np.isin(model.manifest.member_name, model.manifest.rigid_bar)
+
+    def load(way: FloatArray) -> FloatArray:
+        q = point.coordinate + way / scales.lever
+        return np.array(model.compute("member_tension", coordinate=q, **at))[elastic]
+
+    rest, steps = load(np.zeros(len(scales.lever))), PROBED_PART * scales.size * np.eye(len(scales.lever))
+    slope = np.array([load(step) - load(-step) for step in steps]).T / (2 * PROBED_PART * scales.size)
+    spared = []
+    for errors in drawn if largest > 0.0 else ():
+        way, stiff = errors.coordinate * scales.lever, np.zeros(len(rest), dtype=bool)
+        for _ in range(MAX_CORRECTIONS):
+            stiff |= np.abs(slope @ way) > STIFF * largest
+            more = (load(way) - rest)[stiff]
+            excess = more - np.clip(more, -largest, largest)
+            if not excess.any():
+                break
+            way = way - np.linalg.lstsq(slope[stiff], excess, rcond=PROBED_PART)[0]
+        spared.append(replace(errors, coordinate=way / scales.lever) if stiff.any() else errors)
+    return tuple(spared) or drawn
 
 
 def _find_least_rigid(model: CompiledModel) -> float:

@@ -6,7 +6,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen import ControlStudy, Gust, RandomGust, StatedErrors, simulate_control, study_control
+from tensegrity_codegen import (
+    ControlStudy,
+    Gust,
+    RandomGust,
+    StatedErrors,
+    compile_scene,
+    find_equilibrium,
+    simulate_control,
+    study_control,
+)
+from tensegrity_codegen.control.feedback.design.linear_samples import find_reference
 from tensegrity_codegen.control.feedback.loop.control_run import find_displacement
 from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance
 from tensegrity_codegen.control.feedback.study.control_study import (
@@ -15,12 +25,19 @@ from tensegrity_codegen.control.feedback.study.control_study import (
     find_warnings,
     judge_study,
 )
-from tensegrity_codegen.control.feedback.study.stated_errors import Draws, draw_errors, find_default_times
+from tensegrity_codegen.control.feedback.study.stated_errors import (
+    Draws,
+    draw_all_errors,
+    draw_errors,
+    find_default_times,
+)
 from tensegrity_codegen.control.feedback.study.tuning import choose_weights, find_scales
+from tensegrity_codegen.control.pages.control_studies import errors_table
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
+from tests.models import EXAMPLES
 
 ERRORS = StatedErrors(start_angle=np.radians(1.2), gusts=(RandomGust("bar*_B", 5.0, 0.5, 0.2),))
 
@@ -93,6 +110,15 @@ def test_measures_are_those_of_the_run(study: ControlStudy, model: CompiledModel
     assert row.least_tension == run.least_tension()[row.least_member == np.array(run.member_name)][0]
 
 
+def test_the_table_tells_limits_at_the_end_from_tensions_on_the_way(study: ControlStudy) -> None:
+    first, *columns = (
+        [str(cell) for cell in column.cells] for column in errors_table(study, "prism").columns
+    )
+    assert first[3] == "limits at the end"
+    ways = [f"{loop.least_tension.min():.4g}" for loop in study.loops.values()]
+    assert [column[first.index("least tension [N]", 4)] for column in columns] == ways
+
+
 def test_draws_differ_and_are_the_same_for_the_same_seed(model: CompiledModel, motion: Motion) -> None:
     scales = find_scales(model, motion, {})
     first, again, other = (draw_errors(model, ERRORS, scales, seed, 3) for seed in (1, 1, 2))
@@ -120,6 +146,36 @@ def test_start_errors_are_displacements_of_nodes(model: CompiledModel, motion: M
         moved[k] += error
         way = np.linalg.norm(place_nodes(model, moved) - place_nodes(model, q), axis=1).max()
         assert way == pytest.approx(2e-3, rel=1e-2)
+
+
+def test_default_start_errors_hardly_strain_stiff_bars() -> None:
+    """Bars a thousand times as stiff as cables are loaded by at most the largest force at rest."""
+    model = compile_scene(EXAMPLES / "prism12.toml", for_=("equilibrium", "control"))
+    structure, held = model.structure, find_reference(model, find_equilibrium(model), 2.0, None)
+    assert structure is not None
+    scales, stiff = find_scales(model, held, {}), np.array(structure.is_bar)
+
+    rest = np.abs(held.member_tension[0]).max()
+    for stated in (StatedErrors(), StatedErrors(start_error=0.01 * scales.size)):
+        drawn = draw_all_errors(model, held, stated, scales, Draws(3))
+        for k, errors in enumerate(drawn):
+            q = held.coordinate[0] + errors.coordinate
+            more = model.compute("member_tension", coordinate=q)[stiff] - held.member_tension[0][stiff]
+            if stated.start_error is None:
+                assert np.abs(more).max() <= 1.001 * rest
+                assert np.abs(errors.coordinate).max() > 0.005 * scales.size
+            else:
+                raw = draw_errors(model, stated, scales, 0, k)
+                np.testing.assert_array_equal(errors.coordinate, raw.coordinate)
+                assert np.abs(more).max() > 100 * rest
+
+
+def test_default_start_errors_of_soft_members_are_a_hundredth_of_the_size(
+    model: CompiledModel, motion: Motion
+) -> None:
+    scales = find_scales(model, motion, {})
+    for errors in draw_all_errors(model, motion, StatedErrors(), scales, Draws(3)):
+        np.testing.assert_allclose(np.abs(errors.coordinate) * scales.lever, 0.01 * scales.size)
 
 
 def test_a_loop_that_is_worse_than_none_does_not_hold(
