@@ -219,8 +219,13 @@ class CodeOptions:
             "--build",
             parser=read_folder,
             metavar="<path>",
-            help="Write the controller in C into this folder, where feedback holds; other files there stay.",
+            help="Write the controller in C into this folder, where feedback holds; other files there stay, "
+            "its own are replaced.",
         ),
+    ] = None
+    name: Annotated[
+        str | None,
+        typer.Option("--name", help="First word of all names of the controller in C; default: the scene's."),
     ] = None
     precision: Annotated[
         str, typer.Option("--precision", help="Of the controller in C: double or single.")
@@ -326,11 +331,14 @@ def read_controlled(
 
 
 def check_build(code: CodeOptions, scene: Path, overwrite: bool) -> None:
-    """Raise OutputError for a folder that cannot be written, UnknownNameError for a precision."""
+    """Raise an error for a folder that cannot be written, a name, or a precision that is not known."""
+    from tensegrity_codegen.scene.names import check_scene_name
     from tensegrity_codegen.system.output_folder import check_folder
     from tensegrity_codegen.tables.precision import find_precision
 
     find_precision(code.precision, "precision")
+    if code.name is not None:
+        check_scene_name(code.name, "--name")
     if code.build is not None:
         check_folder(code.build, inputs=[scene], overwrite=overwrite)
 
@@ -357,7 +365,7 @@ def write_controller(
     bundle = build_controller(
         model, study.motion, study.mpc or study.gains, estimator=study.estimator,
         distribution=study.distribution, out=code.build, overwrite=overwrite,
-        code=ControllerCode(precision=code.precision, compiler=compiler, inputs=[scene]),
+        code=ControllerCode(code.name, code.precision, compiler=compiler, inputs=[scene]),
     )  # fmt: skip
     made = bundle.description
     return {

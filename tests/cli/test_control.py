@@ -122,6 +122,11 @@ def test_the_controller_is_written_in_c_where_feedback_holds(run: Run, folder: P
     assert made["precision"] == "single"
     assert set(made["files"]) <= {path.name for path in (folder / "ctl").iterdir()}
     assert run(*words, "--build", "ctl", "--in-c").code == 0  # replaces its own files
+    named = run.good(*words, "--build", "second", "--name", "hoist").data["build"]
+    assert (made["name"], named["name"]) == ("two_nodes", "hoist")
+    header = (folder / "second" / "hoist_control.h").read_text(encoding="utf-8")
+    assert "hoist_control_step" in header
+    assert "two_nodes" not in header
     (folder / "ctl" / "precious.txt").write_text("mine", encoding="utf-8")
     (folder / "ctl" / "manifest.json").write_text("mine", encoding="utf-8")
     refused = run(*words, "--build", "ctl")
@@ -191,6 +196,7 @@ BAD: Sequence[tuple[list[str], str]] = [
     (["--out", "c.txt"], "c.txt"),
     (["--precision", "half"], "--precision"),
     (["--build", "lift.toml"], "lift.toml"),
+    (["--name", "for"], "--name"),
     (["--page", "c.pdf"], "c.pdf"),
 ]
 
