@@ -35,6 +35,7 @@ from tensegrity_codegen.control.feedback.study.stated_errors import (
     draw_all_errors,
     find_default_times,
     read_draws,
+    read_start_errors,
     read_times,
 )
 from tensegrity_codegen.pipeline.analyses import Needs, find_needs
@@ -106,10 +107,18 @@ class SweptControl(CaseAnalysis):
     ] = False
     t_end: Annotated[float | None, Option("simulated time [s].")] = None
     last: Annotated[float | None, Option("time before the end in which errors count [s].")] = None
-    start_error: Annotated[float | None, Option("by how much coordinates are off at the start [m].")] = None
+    start_error: Annotated[
+        float | str | None,
+        Option("by how much coordinates are off at the start: 3mm, or an angle."),
+    ] = None
     draws: Annotated[int, Option("number of draws of start errors and noise for each case.")] = 1
     draw_seed: Annotated[int, Option("seed of start errors and noise.")] = 0
     design: NominalController | None = None
+
+    def __post_init__(self) -> None:
+        if isinstance(self.start_error, str):  # in m, as a number means it, or an angle
+            length, _ = read_start_errors((self.start_error,))
+            object.__setattr__(self, "start_error", self.start_error if length is None else length)
 
     def describe(self) -> dict[str, Any]:
         """Return name and options, with the hash of the plan's file."""
@@ -138,7 +147,9 @@ class SweptControl(CaseAnalysis):
         )  # fmt: skip
         # The disturbances of all cases, and the simulated time.
         draws = read_draws(Draws(self.draws, self.draw_seed))
-        stated = StatedErrors(start_error=self.start_error, stiffness_error=0.0)
+        of = self.start_error
+        length, angle = read_start_errors((of,)) if isinstance(of, str) else (of, None)
+        stated = StatedErrors(length, angle, stiffness_error=0.0)
         check_errors(model, stated)
         drawn = draw_all_errors(model, motion, stated, tuning.scales, draws)
         default = find_default_times(motion, *find_time_constants(built["stored_gains"], estimator))[0]

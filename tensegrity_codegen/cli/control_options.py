@@ -255,29 +255,14 @@ def read_export_options(given: Mapping[str, Any]) -> tuple[MotionOptions, Design
 
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-ERROR = re.compile(rf"\s*({NUMBER})\s*(deg|rad|mm|cm|m)?\s*")
 TIMES = re.compile(rf"\s*({NUMBER})\s*(?:\+\s*({NUMBER})\s*)?")
-LENGTHS = {"": 1.0, "m": 1.0, "cm": 1e-2, "mm": 1e-3}
-ANGLES = {"deg": math.pi / 180, "rad": 1.0}
 
 
 def read_errors(options: StudyOptions, axes: Sequence[int]) -> "StatedErrors":
     """Return the disturbances that the options state; raises InvalidValueError for texts that state none."""
-    from tensegrity_codegen.control.feedback.study.stated_errors import StatedErrors
+    from tensegrity_codegen.control.feedback.study.stated_errors import StatedErrors, read_start_errors
 
-    length = angle = None
-    for error_text in options.start_error or ():
-        match = ERROR.fullmatch(error_text)
-        unit = (match[2] or "") if match else ""
-        is_angle = unit in ANGLES
-        if match is None or (angle if is_angle else length) is not None:
-            problem = "not an error of the start" if match is None else "an error of the start is given twice"
-            allowed = "a length (0.003, 3mm, 1cm) and an angle (1.2deg, 0.02rad), each at most once"
-            raise InvalidValueError(problem, where="--start-error", given=error_text, allowed=allowed)
-        if is_angle:
-            angle = float(match[1]) * ANGLES[unit]
-        else:
-            length = float(match[1]) * LENGTHS[unit]
+    length, angle = read_start_errors(options.start_error or ())
     drawn = tuple(_read_gust(error_text, axes) for error_text in options.gust or ())
     return StatedErrors(length, angle, options.stiffness_error, drawn)
 

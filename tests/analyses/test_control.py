@@ -344,6 +344,13 @@ def test_a_structure_with_other_coordinates_is_no_case() -> None:
     assert "designed for another model or motion" in found.message.values[1]
 
 
+def test_start_errors_have_the_units_of_the_verb_control() -> None:
+    texts = {"0.01": 0.01, "10mm": 0.01, "1cm": 0.01, "1.2deg": "1.2deg"}
+    assert {text: SweptControl(start_error=text).start_error for text in texts} == pytest.approx(texts)
+    option = next(option for option in SweptControl.list_options() if option.name == "start_error")
+    assert option.kind is str
+
+
 @pytest.mark.parametrize(
     ("options", "kind", "words"),
     [
@@ -353,6 +360,8 @@ def test_a_structure_with_other_coordinates_is_no_case() -> None:
         ({"draws": 0}, InvalidValueError, "draws"),
         ({"draw_seed": -1}, InvalidValueError, "seed"),
         ({"start_error": -1.0}, InvalidValueError, "out of range"),
+        ({"start_error": "soon"}, InvalidValueError, "not an error of the start"),
+        ({"start_error": "1deg"}, InvalidValueError, "no coordinate is an angle"),
         ({"sample_time": 0.0}, InvalidValueError, "sample"),
         ({"last": 9.0}, InvalidValueError, "last"),
         ({"plan": "missing.npz"}, TensegrityError, "missing.npz"),

@@ -177,7 +177,7 @@ BAD: Sequence[tuple[list[str], str]] = [
     (["--gust", "n2=x"], "not a force"),
     (["--gust", "n2=nan,0,0"], "not finite"),
     (["--gust", "n2=0,0,1@-1"], "gust.start"),
-    (["--start-error", "soon"], "not an error of the start"),
+    (["--start-error", "soon"], "--start-error: not an error of the start"),
     (["--start-error", "1mm", "--start-error", "2mm"], "given twice"),
     (["--start-error", "1deg"], "no coordinate is an angle"),
     (["--stiffness-error", "1.5"], "--stiffness-error"),

@@ -143,7 +143,7 @@ class Option:
     def kind(self) -> type:
         """The type, int, float or str, of a value that is read from text."""
         types = get_args(self.type) if get_origin(self.type) in (Union, UnionType) else (self.type,)
-        return next((kind for kind in (int, float) if kind in types), str)
+        return next((kind for kind in (str, int, float) if kind in types), str)
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """Disturbances of a study, drawn anew for each run: errors of start and stiffnesses, gusts; and its times."""
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -16,6 +17,7 @@ from tensegrity_codegen.control.feedback.loop.sampled_plant import (
     read_disturbance,
 )
 from tensegrity_codegen.control.feedback.study.tuning import Scales, find_angles
+from tensegrity_codegen.control.planning.target_text import ANGLES, LENGTHS
 from tensegrity_codegen.runtime.model.arguments import INPUT
 from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -34,6 +36,7 @@ from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, 
 from tensegrity_codegen.system.name_patterns import find_matching
 
 STIFFNESSES = ("axial_stiffness", "spring_constant")
+START_ERROR = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(deg|rad|mm|cm|m)?\s*")
 SAFE_PART = 0.1  # of the shortest rigid distance: an error of the start with which nothing collapses
 KEPT_WITHIN = 1e-6  # m, by which rigid parts may still move once they have their lengths
 PROBE, HELD_WITHIN = 1e-3, 1e-8  # change of coordinates [m, rad], and of the position of a held node [m]
@@ -140,6 +143,24 @@ class DrawnErrors:
     arguments: Mapping[str, Any]  # run-time parameters of the simulated model
     gusts: tuple[Gust, ...]  # forces
     stiffness: Mapping[str, float]  # factor of each cable by its name
+
+
+def read_start_errors(texts: Sequence[str]) -> tuple[float | None, float | None]:
+    """Return the `start_error` [m] and the `start_angle` [rad] that texts such as ``"3mm"`` state."""
+    length = angle = None
+    for text in texts:
+        match = START_ERROR.fullmatch(text)
+        unit = (match[2] or "") if match else ""
+        is_angle = unit in ("deg", "rad")
+        if match is None or (angle if is_angle else length) is not None:
+            problem = "not an error of the start" if match is None else "an error of the start is given twice"
+            allowed = "a length (0.003, 3mm, 1cm) and an angle (1.2deg, 0.02rad), each at most once"
+            raise InvalidValueError(problem, where="start_error", given=text, allowed=allowed)
+        if is_angle:
+            angle = float(np.radians(float(match[1]) * ANGLES[unit]))
+        else:
+            length = float(match[1]) * LENGTHS[unit]
+    return length, angle
 
 
 def check_errors(model: CompiledModel, stated: StatedErrors) -> None:
