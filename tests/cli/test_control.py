@@ -197,6 +197,7 @@ BAD: Sequence[tuple[list[str], str]] = [
     (["--precision", "half"], "--precision"),
     (["--build", "lift.toml"], "lift.toml"),
     (["--name", "for"], "--name"),
+    (["--to", "n2.x=0.1"], "target n2.x: the scene has no such axis"),
     (["--page", "c.pdf"], "c.pdf"),
 ]
 
@@ -350,7 +351,11 @@ def test_rigid_bars_are_controlled(run: Run, folder: Path) -> None:
         '[[actuators]]\nname = "m"\nmembers = "bc"\n',
         encoding="utf-8",
     )
-    ended = run("control", rigid, "--draws", 1, "--t-end", 2, "--json")
+    pytest.importorskip("matplotlib")
+    ended = run("control", rigid, "--draws", 1, "--t-end", 2, "--page", "c.html", "--json")
+    page = (folder / "c.html").read_text(encoding="utf-8")
+    assert "2 coordinates (1 independent)" in page
+    assert "no estimator: all states are fed back" in page
     ends = {name: loop["end_error"]["largest"] for name, loop in ended.data["loops"].items()}
     assert ends["true_state"] < 0.7 * ends["open"]
 

@@ -40,6 +40,8 @@ from tensegrity_codegen.report.pages.page import (
     join_names,
 )
 from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
+from tensegrity_codegen.runtime.linear.linearize import find_variations
+from tensegrity_codegen.runtime.model.arguments import INPUT
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.summaries import describe_count
@@ -85,10 +87,16 @@ def build_control_page(study: ControlStudy, model: CompiledModel, structure: Str
 def _count(study: ControlStudy, model: CompiledModel) -> str:
     run = study.loops["open"].run
     estimator = study.estimator
-    measured = "no sensors" if estimator is None else f"{len(estimator.sensing.names)} numbers measured"
+    measured = "no estimator: all states are fed back"
+    if estimator is not None:
+        measured = f"{len(estimator.sensing.names)} numbers measured"
+    motion, n = study.motion, len(run.coordinate_name)
+    start = {"coordinate": motion.coordinate[0], "velocity": motion.velocity[0], INPUT: motion.input[0]}
+    free = find_variations(model, start) if model.manifest.rigid_bar else None
+    bound = "" if free is None else f" ({free.along.shape[1]} independent)"
     n_members = len(show_members(run.member_name, model.manifest.body_places))
     return (
-        f"{describe_count(len(run.coordinate_name), 'coordinate')}, {describe_count(n_members, 'member')}, "
+        f"{describe_count(n, 'coordinate')}{bound}, {describe_count(n_members, 'member')}, "
         f"{describe_count(len(run.actuators), 'actuator')}, {measured}."
     )
 

@@ -1,5 +1,6 @@
 """Targets bound to a model: their values, their derivatives along a path, and where they shall end."""
 
+import ast
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -152,6 +153,7 @@ def _bind(target: TargetText, model: CompiledModel) -> BoundTarget:
     call = parse_shape(target.text)
     if call is None:
         expression = _name_target_in_errors(target, partial(build_expression, rewrite(target.text), model))
+        _check_axes(target, model)
         values = _convert(target, "", 1)
         return BoundTarget(target.text, "", ("",), values, expression=expression)
     shape = bind_shape(call, target.where, model)
@@ -166,6 +168,20 @@ def _bind(target: TargetText, model: CompiledModel) -> BoundTarget:
             allowed="less than 180 deg",
         )
     return BoundTarget(target.text, shape.unit, shape.components, values, shape=shape)
+
+
+def _check_axes(target: TargetText, model: CompiledModel) -> None:
+    """Raise InvalidValueError for a target of places alone, all along axes that the scene does not have."""
+    nodes = [*ast.walk(ast.parse(rewrite(target.text).strip(), mode="eval"))]
+    asked = {node.attr for node in nodes if isinstance(node, ast.Attribute)}
+    axes = ["xyz"[axis] for axis in model.manifest.axes]
+    if asked and asked.isdisjoint(axes) and not any(isinstance(node, ast.Subscript) for node in nodes):
+        raise InvalidValueError(
+            "the scene has no such axis: nothing moves along it",
+            where=target.where,
+            given=", ".join(sorted(asked)),
+            allowed=f"places along {', '.join(axes)}, the `axes` of the scene",
+        )
 
 
 def _convert(target: TargetText, unit: str, count: int) -> FloatArray:
