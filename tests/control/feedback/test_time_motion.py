@@ -114,6 +114,13 @@ def test_the_motion_between_its_points_is_made_of_equilibria() -> None:
         np.testing.assert_allclose(found.coordinate, motion.coordinate[row], atol=1e-7)
 
 
+def test_a_gap_between_points_names_what_makes_them_nearer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tensegrity_codegen.control.feedback.equilibrium_path.MIN_REACH", -1.0)
+    with pytest.raises(ConvergenceError, match="between two points") as caught:
+        make()
+    assert "plan --steps 100 -o plan.npz, then control --plan plan.npz" in caught.value.hint
+
+
 def test_peak_rates_are_the_largest_slopes_of_the_profile() -> None:
     motion = make(1.7, samples=31)
     profile, time = motion.profile(), np.linspace(0, 1.7, 40001)

@@ -264,7 +264,8 @@ class Margins:
     """The margins of a linear loop before it becomes unstable.
 
     is_stable: whether the loop itself is stable.
-    delay [s]: largest further delay of all actuators, infinite if ten samples more are not too many.
+    delay [s]: largest further delay of all actuators, found to 1/64 of a sample; infinite if ten samples
+        more are not too many.
     gain: largest factor of the effect of all actuators, infinite if 11 is not too much.
     stiffness: largest part by which all stiffnesses may be higher or lower, infinite if a tenth is not too
         much.
