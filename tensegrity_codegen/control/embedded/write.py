@@ -213,6 +213,11 @@ def build_context(parts: ControllerParts, model: Manifest | None, precision: Pre
         "substeps": 1 if parts.estimator is None else parts.estimator.substeps,
         "knots": count_knots(parts),
         "names": find_names(parts),
+        "owners": {
+            "nodes": parts.manifest.node_name,
+            "members": parts.manifest.member_name,
+            "bodies": tuple(body.name for body in parts.manifest.body_places),
+        },
         "tables": [
             *build_tables(parts, precision),
             *([] if tensions is None else tensions.tables),

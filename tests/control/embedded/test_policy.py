@@ -203,6 +203,9 @@ def test_the_manifest_and_the_readme_say_what_is_observed(bundle: ControllerBund
     assert data["sizes"]["N_SENSORS"] == 4
     readme = (bundle.folder / "README.md").read_text(encoding="utf-8")
     assert "Order of the observation: length of top1 in m, bar1.axis[0] in 1," in readme
+    assert "- nodes: base_b1, base_b2, base_b3, bar1_A, " in readme
+    assert "\n- members: bottom1, " in readme
+    assert "- bodies" not in readme
     assert "pinned_prism_control_init(&c);" in readme
     assert bundle.load().description.policy == data["policy"]
 
