@@ -9,6 +9,7 @@ from tensegrity_codegen.scene.names import (
     check_names,
     is_name,
     key_path,
+    unknown_key,
 )
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidNameError
 
@@ -73,3 +74,10 @@ def test_key_path_writes_places_as_toml_does():
     assert key_path("f.toml") == "f.toml"
     assert key_path("f", "nodes", "a\n;") == 'f: nodes."a\\n;"'
     assert len(key_path("f", "x" * 10_000)) < 100
+
+
+def test_long_lists_of_known_keys_are_cut_and_the_nearest_is_named():
+    error = unknown_key("n7.z", [f"t{i}.x" for i in range(300)] + ["n5.z"], "m.csv: line 1", "unknown column")
+    assert error.allowed.endswith("t38.x, t39.x and 261 more")
+    assert "'n5.z'" in error.hint
+    assert unknown_key("b", ["a", "c"], "").allowed == "a, c"
