@@ -226,7 +226,7 @@ MAX_LINES = {
     "learning": 2_150,  # environments; derivatives
     "live": 1_300,
     "pipeline": 3_825,  # needs of derivatives; sizes of nearly singular shapes
-    "report": 5_850,  # surfaces of bodies, pages of load paths, loads and sections of analyses
+    "report": 5_860,  # surfaces of bodies, pages of load paths, loads and sections of analyses
     "runtime": 22_325,  # bodies in motions and statics; turns onto feet
     "scene": 13_520,  # rigid bodies with parts, and their import; doubts of units
     "structure": 3_750,  # rigid bodies

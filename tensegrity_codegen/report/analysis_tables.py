@@ -217,11 +217,12 @@ def describe_counts(analysis: Analysis) -> tuple[tuple[str, str], ...]:
         stiffness = f"0 within rounding ({stiffness})"
     is_rigid = math.isinf(analysis.stability.smallest_eigenvalue)
     held = "no mechanism" if is_rigid else analysis.least_stiffness
+    gap = "none" if math.isinf(rank.gap) else f"{rank.gap:.3g}"
     return (
         ("coordinates, members", f"{rank.n_coordinates}, {rank.n_members}"),
         ("rank of the equilibrium matrix", f"{rank.rank} of {rank.largest_rank}"),
         ("singular values at the gap", f"{rank.above:.3g} | {below}"),
-        ("gap; tolerance, times the largest", f"{rank.gap:.3g}; {rank.tolerance:g}"),
+        ("gap; tolerance, times the largest", f"{gap}; {rank.tolerance:g}"),
         ("self-stresses", str(analysis.n_selfstress)),
         ("rigid motions", str(analysis.n_rigid_motions)),
         ("mechanisms", str(analysis.n_mechanisms)),

@@ -4,8 +4,8 @@ import math
 import re
 
 MISSING = "–"
-# A symbol of one letter with an index: T_S, M_3, H_δ.
-_INDEXED = re.compile(r"(?<![^\W_])([^\W\d_])_([^\W_])(?![^\W_])")
+# A symbol of one letter, or a Greek one by its name, with an index: T_S, M_3, H_δ, rho_e.
+_INDEXED = re.compile(r"(?<![^\W_])(mu|rho|[^\W\d_])_([^\W_])(?![^\W_])")
 _MINUS = "−"
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -18,7 +18,7 @@ def format_number(value: float | None, spec: str) -> str:
     if not letter and not mantissa.strip("+-0."):
         mantissa = mantissa.lstrip("+-")
     mantissa = mantissa.replace("-", _MINUS)
-    return f"{mantissa} × 10{raise_digits(int(exponent))}" if letter else mantissa
+    return f"{mantissa} × 10{raise_digits(int(exponent))}" if letter and int(exponent) else mantissa
 
 
 def format_short(value: float | None, digits: int = 3) -> str:

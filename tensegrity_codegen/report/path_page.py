@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from tensegrity_codegen.report.analysis_tables import LIMIT_NAMES
 from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.report.pages.diagram import MARKERS, Diagram, Series
 from tensegrity_codegen.report.pages.page import (
@@ -97,12 +98,20 @@ def _path(
     label = f"displacement of {name} along {'xyz'[axis]} [mm]"
     caption = f"Load factor over the displacement of {name}, the node that moves most; marks: events."
     rows = tuple(
-        (number_cell(event.load_factor, ".6g"), text_cell(event.kind), text_cell(join_names(event.names, 8)))
+        (number_cell(event.load_factor, ".6g"), text_cell(event.kind), text_cell(_name_members(event)))
         for event in events
     )
     heads = (Column("load factor"), Column("event", numeric=False), Column("of", numeric=False))
     figure = diagram_figure("path", Diagram(label, "load factor", series), caption, caption)
     return figure, Table("Events" if rows else "No event", heads, rows)
+
+
+def _name_members(event: PathEvent) -> str:
+    """Return what an event is of, limits in words."""
+    text = join_names(event.names, 8)
+    for name, words in LIMIT_NAMES.items():
+        text = text.replace(f"({name})", f"({words})")
+    return text
 
 
 def _shapes(

@@ -151,6 +151,8 @@ def draw_diagram(diagram: Diagram, *, width: float = WIDTH, height: float = HEIG
         axes.set_ylim(*diagram.y_limits)
     _draw_marks(axes, diagram)
     dress_axes(axes, diagram.x_label, diagram.y_label, log=(diagram.log_x, diagram.log_y))
+    if not diagram.log_x and all(np.asarray(series.x).dtype.kind == "i" for series in diagram.series):
+        axes.locator_params(axis="x", integer=True)
     if any(series.name for series in diagram.series):
         # Put the legend in rows of so many columns above the axes
         figure.legend(

@@ -53,7 +53,7 @@ MAX_BEST = 8  # runs of a long table that are always visible
 SHOWN = 1e1  # errors above are not drawn [m]
 LEAD = (
     "Time is CPU time of the whole motion on one core, without building the library: of integration in C "
-    "alone, but for `simulate, auto`, the call in Python that also checks its error. Error is the largest "
+    "alone, but for 'simulate, auto', the call in Python that also checks its error. Error is the largest "
     "difference of a node coordinate to a reference that two methods certify."
 )
 PEERS = (

@@ -162,7 +162,8 @@ def _distributions(summary: SweepSummary) -> Iterator[Section]:
         Column("5 %"), Column("median"), Column("mean"), Column("95 %"), Column("largest"),
         Column("deviation"),
     )  # fmt: skip
-    rows, figures, sentences = [], [], []
+    rows, figures = [], []
+    meanings: dict[str, list[str]] = {}  # results by what they are
     for number, entry in enumerate(summary.chosen):
         spread = entry.distribution
         numbers = (
@@ -175,7 +176,8 @@ def _distributions(summary: SweepSummary) -> Iterator[Section]:
         )  # fmt: skip
         if spread.count and not entry.is_constant and not _is_curve(summary):
             figures.append(draw_histogram(entry.result, f"histogram{number}"))
-        sentences.append(f"{entry.result.name}: {entry.result.sentence.rstrip('.')}.")
+        meanings.setdefault(entry.result.sentence.rstrip("."), []).append(entry.result.name)
+    sentences = [f"{', '.join(names)}: {meaning}." for meaning, names in meanings.items()]
     table = Table("Results", columns, tuple(rows), "Over cases that have the result. " + " ".join(sentences))
     yield Section("results", "", "Distributions", "plain", "", (*figures, table))
 

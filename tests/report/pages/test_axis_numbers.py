@@ -29,6 +29,14 @@ def test_a_logarithmic_axis_has_at_least_two_numbers(values: tuple[float, float]
     assert len([text for text in shown if text]) >= 2, shown
 
 
+def test_whole_numbers_along_an_axis_stay_whole() -> None:
+    from tensegrity_codegen.report.pages.diagram import Diagram, Series, draw_diagram
+
+    figure = draw_diagram(Diagram("number", "y", [Series("", np.arange(1, 16), np.ones(15), "points")]))
+    places = figure.axes[0].get_xticks()
+    assert np.array_equal(places, np.round(places))
+
+
 def test_small_and_large_numbers_have_a_common_power() -> None:
     _, power = texts_of([1e-11, 3e-11], log=False)
     assert power.startswith("× 10⁻¹¹")

@@ -53,6 +53,7 @@ def text(page: Page) -> str:
         (1234.5, ",.1f", "1,234.5"),
         (3.2e-12, ".1e", "3.2 × 10⁻¹²"),
         (-5e10, ".0e", "−5 × 10¹⁰"),
+        (9.94, ".1e", "9.9"),
         (None, ".2f", "–"),
         (float("nan"), ".2f", "–"),
     ],
@@ -63,8 +64,8 @@ def test_numbers_are_written_for_reading(value: float | None, spec: str, expecte
 
 def test_exponents_are_raised_and_indices_lowered() -> None:
     assert raise_digits(-307) == "⁻³⁰⁷"
-    assert lower_indices("T_S, M_3 and H_δ, not snake_case or A_rc", "[", "]") == (
-        "T[S], M[3] and H[δ], not snake_case or A_rc"
+    assert lower_indices("T_S, M_3, H_δ and rho_e, not snake_case or A_rc", "[", "]") == (
+        "T[S], M[3], H[δ] and rho[e], not snake_case or A_rc"
     )
 
 
