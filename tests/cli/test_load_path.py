@@ -284,6 +284,16 @@ def test_a_load_on_what_is_held_is_refused(run: Run, folder: Path) -> None:
     assert (ended.data["error"], ended.data["given"]) == ("InvalidValueError", "'a'")
 
 
+def test_a_page_names_limits_in_words(run: Run, prism: Path) -> None:
+    pytest.importorskip("matplotlib")
+    weak = write(prism.with_name("weak.toml"), prism.read_text() + "\n[limits]\nyield_stress = 6.5e5\n")
+    ended = run("load-path", weak, "--page", "weak.html", "--json")
+    assert "bar3 (yield_stress)" in ended.data["events"][0]["names"]
+    text = prism.with_name("weak.html").read_text(encoding="utf-8")
+    assert "bar3 (yield stress)" in text
+    assert "(yield_stress)" not in text
+
+
 @pytest.mark.parametrize("most", ["inf", "nan", "0"])
 def test_a_load_factor_that_cannot_be_reached_is_refused_by_its_option(
     run: Run, prism: Path, most: str

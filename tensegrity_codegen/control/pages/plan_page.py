@@ -210,7 +210,8 @@ def _tensions(plan: PlanResult, limits: Limits) -> Section:
     ]
     diagram = Diagram(PROGRESS, "tension [N]", series, horizontal=tuple(marks), legend_columns=2)
     summary = describe_extremes(plan)[0] if len(cables) else "no cables"
-    caption = "Tensions of the cables, with their limits; dashed: cables that limit a step."
+    dashed = any(line.style == "dashed" for line in series)
+    caption = f"Tensions of the cables, with their limits{'; dashed: cables that limit a step' * dashed}."
     figure = joined_figure("tension", diagram, caption, summary)
     return Section("tensions", "", "Tensions", "plain", summary, (figure,))
 
@@ -272,8 +273,7 @@ def _binding(plan: PlanResult) -> Section:
         )
         summary = f"blocked at {format_short(100 * plan.block.progress)} % of the way"
         blocks.append(Table("Where the path is blocked", heads, gained))
-    shown = tuple(blocks) or (Paragraph(as_sentence(summary)),)
-    return Section("binding", "", "What binds", "plain", summary, shown)
+    return Section("binding", "", "What binds", "plain", summary, tuple(blocks))
 
 
 def _line(plan: PlanResult, name: str, values: FloatArray, color: int, style: str = "line") -> Series:

@@ -82,7 +82,10 @@ def test_a_plan_that_is_found_shows_its_path_with_limits() -> None:
 def test_the_finding_is_said_once() -> None:
     page = page_of("found")
     assert page.lead.startswith("A path of 5 steps reaches the target")
-    assert render_page(page).count("reaches the target") == 1
+    text = render_page(page)
+    assert text.count("reaches the target") == 1
+    free = not sections(page)["binding"]
+    assert text.lower().count("no limit binds along the path") == free
 
 
 def test_a_blocked_plan_shows_what_binds() -> None:
