@@ -269,20 +269,20 @@ def _motion_figure(
 
 def _forces(analysis: Analysis, structure: Structure) -> Iterator[Section]:
     """Return loads, and what supports carry if the forces are in balance."""
-    load, place, axes = structure.node_load, analysis.node_position, list(structure.axes)
+    load, position, axes = structure.node_load, analysis.node_position, list(structure.axes)
     nodes = np.flatnonzero(load.any(axis=1) | structure.node_anchored.any(axis=1))
     if not len(nodes):
         return
     tension = pad_tension(analysis.member_tension, structure) if analysis.is_balanced else None
     reaction = np.full((len(nodes), 3), np.nan)
     if tension is not None:
-        reaction = compute_reactions(structure, place[None], tension[None], nodes)[0]
+        reaction = compute_reactions(structure, position[None], tension[None], nodes)[0]
         reaction[np.abs(reaction) < ROUNDING * np.abs(reaction).max()] = 0.0
     weight = (structure.node_mass.sum() + structure.member_mass.sum()) * structure.gravity
     sums = {"loads": load.sum(axis=0), "weights": weight, "supports": reaction.sum(axis=0)}
-    known = {name: np.round(force[axes], 6) for name, force in sums.items() if not np.isnan(force).any()}
-    parts = (f"{name} {', '.join(format_short(x, 4) for x in force)} N" for name, force in known.items())
-    claim = f"sums along {', '.join('xyz'[axis] for axis in axes)}: {'; '.join(parts)}"
+    totals = {name: np.round(force[axes], 6) for name, force in sums.items() if not np.isnan(force).any()}
+    sentences = (f"{name} {', '.join(format_short(x, 4) for x in force)} N" for name, force in totals.items())
+    claim = f"sums along {', '.join('xyz'[axis] for axis in axes)}: {'; '.join(sentences)}"
     heads = [f"{kind} {'xyz'[axis]} [N]" for kind in ("load", "support") for axis in axes]
     rows = [
         (structure.node_name[n], *(float(x) or None for x in (*load[n, axes], *reaction[k, axes])))
@@ -291,7 +291,7 @@ def _forces(analysis: Analysis, structure: Structure) -> Iterator[Section]:
     columns = {"node": "", **dict.fromkeys(heads, "+.6g")}
     table = make_table("Loads, and forces of supports on nodes", columns, rows)
     labels = ("nodes",) if structure.n_nodes <= MAX_NAMED else ()
-    setting = set_up(show_structure(structure, place, tension), PictureChoices(labels=labels))
+    setting = set_up(show_structure(structure, position, tension), PictureChoices(labels=labels))
     picture = draw_shown(setting, 0, "", "", is_vector=True)
     caption = f"Loads and {'forces of supports' if tension is not None else 'no reactions: no balance'}."
     figure = Figure(draw_picture(picture, "forces"), caption, caption, {"node_load": load.tolist()})

@@ -108,10 +108,10 @@ def _path(
 
 def _name_members(event: PathEvent) -> str:
     """Return what an event is of, limits in words."""
-    text = join_names(event.names, 8)
-    for name, words in LIMIT_NAMES.items():
-        text = text.replace(f"({name})", f"({words})")
-    return text
+    label = join_names(event.names, 8)
+    for key, limit in LIMIT_NAMES.items():
+        label = label.replace(f"({key})", f"({limit})")
+    return label
 
 
 def _shapes(

@@ -89,8 +89,8 @@ def lay_out_arrows(
         shown = np.where(drawn, force / divisor, np.nan)
         tail = _find_tails(structure, position, nodes, shown, size)
         unknown = int(np.isnan(force).any(axis=(0, 2)).sum())
-        most = _largest(force)
-        arrow_sets.append(Arrows(name, color, tail, tail + shown, most, unknown, scale, size, floor))
+        strongest = _largest(force)
+        arrow_sets.append(Arrows(name, color, tail, tail + shown, strongest, unknown, scale, size, floor))
     return [arrow_set for arrow_set in arrow_sets if arrow_set.tail.shape[1]]
 
 
