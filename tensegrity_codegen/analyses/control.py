@@ -147,8 +147,8 @@ class SweptControl(CaseAnalysis):
         )  # fmt: skip
         # The disturbances of all cases, and the simulated time.
         draws = read_draws(Draws(self.draws, self.draw_seed))
-        of = self.start_error
-        length, angle = read_start_errors((of,)) if isinstance(of, str) else (of, None)
+        error = self.start_error
+        length, angle = read_start_errors((error,)) if isinstance(error, str) else (error, None)
         stated = StatedErrors(length, angle, stiffness_error=0.0)
         check_errors(model, stated)
         drawn = draw_all_errors(model, motion, stated, tuning.scales, draws)

@@ -16,8 +16,7 @@ from tensegrity_codegen.system.errors import (
 
 NAME_PATTERN = "^[A-Za-z][A-Za-z0-9_]{0,62}$"
 NAME_RULE = "a letter, then up to 62 letters, digits or _; no C or C++ keyword"
-
-MOST_KNOWN = 40  # known keys that an error lists
+MAX_KNOWN = 40  # known keys that an error lists
 
 _BARE = re.compile(r"[A-Za-z0-9_-]{1,63}")
 _NAME = re.compile(NAME_PATTERN[1:-1])
@@ -101,9 +100,9 @@ def check_known(name: str, known: Iterable[str], problem: str, allowed: str, *pl
 
 def unknown_key(key: str, known: Iterable[str], where: str, problem: str = "unknown key") -> UnknownKeyError:
     """Return the error for a key of a table that is not `known`, with similar ones as its hint."""
-    key, known = key[:80], list(known)
-    hint = suggest(key, known)
-    return UnknownKeyError(problem, where=where, given=key, allowed=name_list(known, MOST_KNOWN), hint=hint)
+    key, names = key[:80], list(known)
+    hint = suggest(key, names)
+    return UnknownKeyError(problem, where=where, given=key, allowed=name_list(names, MAX_KNOWN), hint=hint)
 
 
 def key_path(where: str, *parts: str | int) -> str:

@@ -14,6 +14,6 @@ def find_matching(
         return [index[text]]
     rows = [row for name, row in index.items() if fnmatchcase(name, text)]
     if not rows:
-        text = text[:80]
-        raise UnknownNameError(problem, where=where, given=text, allowed=allowed, hint=suggest(text, index))
+        hint = suggest(text[:80], index)
+        raise UnknownNameError(problem, where=where, given=text[:80], allowed=allowed, hint=hint)
     return rows

@@ -282,8 +282,7 @@ def _add_equilibrium(
             "no equilibrium continues the path between two points",
             evidence={"progress": s, "between": f"{ends[0]:.6g} and {ends[1]:.6g}"},
             where=plan_model.model.manifest.name,
-            hint="give points nearer to each other: `plan` with more steps; on the command line plan "
-            "--steps 100 -o plan.npz, then control --plan plan.npz",
+            hint="give points nearer to each other, such as those of a plan with `steps=100`",
         )
     _check_stable(plan_model, s, at)
     equilibria[s] = at

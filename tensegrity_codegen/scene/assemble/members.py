@@ -80,16 +80,16 @@ def build_node_load(
 ) -> FloatArray:
     """Return the load on each node, (n_nodes, 3) [N]; loads add up. Patterns leave out the last, corners."""
     index = {name: row for row, name in enumerate(names)}
-    others = dict(list(index.items())[: len(names) - n_corners])
-    wanted = 'nodes, or a pattern such as "t*"', "a load on a node that is not defined"
+    points = dict(list(index.items())[: len(names) - n_corners])
+    refusal = 'nodes, or a pattern such as "t*"', "a load on a node that is not defined"
     paths = [("loads", number, "force") for number in range(len(loads))]
     force = spread_vectors([load.force for load in loads], axes, paths, where)
     total = np.zeros((len(names), 3))
     for number, load in enumerate(loads):
-        texts = [load.node] if isinstance(load.node, str) else load.node
-        place = key_path(where, "loads", number, "node")
-        found = [find_matching(text, index if text in index else others, place, *wanted) for text in texts]
-        total[list({row for rows in found for row in rows})] += force[number]
+        patterns = (load.node,) if isinstance(load.node, str) else load.node
+        key = key_path(where, "loads", number, "node")
+        groups = [find_matching(name, index if name in index else points, key, *refusal) for name in patterns]
+        total[list(set().union(*groups))] += force[number]
     return total
 
 

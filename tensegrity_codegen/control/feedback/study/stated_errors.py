@@ -252,15 +252,15 @@ def _spare_stiff_members(
         q = point.coordinate + way / scales.lever
         return np.array(model.compute("member_tension", coordinate=q, **at))[elastic]
 
-    rest, steps = load(np.zeros(len(scales.lever))), PROBED_PART * scales.size * np.eye(len(scales.lever))
+    resting, steps = load(np.zeros(len(scales.lever))), PROBED_PART * scales.size * np.eye(len(scales.lever))
     slope = np.array([load(step) - load(-step) for step in steps]).T / (2 * PROBED_PART * scales.size)
     spared = []
     for errors in drawn if largest > 0.0 else ():
-        way, stiff = errors.coordinate * scales.lever, np.zeros(len(rest), dtype=bool)
+        way, stiff = errors.coordinate * scales.lever, np.zeros(len(resting), dtype=bool)
         for _ in range(MAX_CORRECTIONS):
             stiff |= np.abs(slope @ way) > STIFF * largest
-            more = (load(way) - rest)[stiff]
-            excess = more - np.clip(more, -largest, largest)
+            added = (load(way) - resting)[stiff]
+            excess = added - np.clip(added, -largest, largest)
             if not excess.any():
                 break
             way = way - np.linalg.lstsq(slope[stiff], excess, rcond=PROBED_PART)[0]
