@@ -218,7 +218,7 @@ def test_the_list_of_verbs_imports_no_package_that_computes() -> None:
 
 # Lines of Python that a room may have; who needs more changes the number in the same commit, and says why.
 MAX_LINES = {
-    "analyses": 5_625,  # options of estimators in sweeps
+    "analyses": 5_650,  # options of estimators in sweeps, load cases of `analyse`
     "cli": 5_350,  # bodies in `check`
     "codegen": 11_100,  # bodies beside bars
     "control": 14_345,  # policies, names of wrong starts, margins of stiffness, start errors of stiff members
