@@ -282,7 +282,8 @@ def _add_equilibrium(
             "no equilibrium continues the path between two points",
             evidence={"progress": s, "between": f"{ends[0]:.6g} and {ends[1]:.6g}"},
             where=plan_model.model.manifest.name,
-            hint="give points nearer to each other, such as those of a plan with `steps=100`",
+            hint="give points nearer to each other: `plan SCENE --steps 100 --out plan.npz`, then "
+            "`plan=plan.npz`",
         )
     _check_stable(plan_model, s, at)
     equilibria[s] = at

@@ -118,7 +118,7 @@ def test_a_gap_between_points_names_what_makes_them_nearer(monkeypatch: pytest.M
     monkeypatch.setattr("tensegrity_codegen.control.feedback.equilibrium_path.MIN_REACH", -1.0)
     with pytest.raises(ConvergenceError, match="between two points") as caught:
         make()
-    assert "plan --steps 100 -o plan.npz, then control --plan plan.npz" in caught.value.hint
+    assert "`plan SCENE --steps 100 --out plan.npz`, then `plan=plan.npz`" in caught.value.hint
 
 
 def test_peak_rates_are_the_largest_slopes_of_the_profile() -> None:
