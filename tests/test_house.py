@@ -218,7 +218,7 @@ def test_the_list_of_verbs_imports_no_package_that_computes() -> None:
 
 # Lines of Python that a room may have; who needs more changes the number in the same commit, and says why.
 MAX_LINES = {
-    "analyses": 5_650,  # options of estimators in sweeps, load cases of `analyse`
+    "analyses": 5_675,  # options of estimators in sweeps, pages of equilibria
     "cli": 5_350,  # bodies in `check`
     "codegen": 11_100,  # bodies beside bars
     "control": 14_345,  # policies, names of wrong starts, margins of stiffness, start errors of stiff members
@@ -226,7 +226,7 @@ MAX_LINES = {
     "learning": 2_150,  # environments; derivatives
     "live": 1_300,
     "pipeline": 3_825,  # needs of derivatives; sizes of nearly singular shapes
-    "report": 5_860,  # surfaces of bodies, pages of load paths, loads and sections of analyses
+    "report": 6_000,  # surfaces of bodies, pages of load paths and of equilibria with loads and sections
     "runtime": 22_325,  # bodies in motions and statics; turns onto feet
     "scene": 13_520,  # rigid bodies with parts, and their import; doubts of units
     "structure": 3_750,  # rigid bodies

@@ -70,8 +70,6 @@ class Analyse(AtPoint):
     is no such prestress, or if the structure is not stable with it, and with --strict if members exceed
     limits or buckle.
 
-    --settle --load NODE=fx,fy,fz --page case.html is the page of a load case.
-
     --prestress 100 --scene-out tense.toml writes the scene with the prestress found, 100 N in the cable with
     most tension; of several self-stresses it is the one whose least cable tension is largest.
 
@@ -81,7 +79,7 @@ class Analyse(AtPoint):
     name: ClassVar[str] = "analyse"
     success_phrase: ClassVar[str] = "were analysed"
     verb_order: ClassVar[int] = 120
-    takes: ClassVar[tuple[str, ...]] = ("load", "input", "strict")
+    takes: ClassVar[tuple[str, ...]] = ("input", "strict")
     files: ClassVar[tuple[ResultFile, ...]] = (
         ResultFile("out", (".npz",), "Write self-stresses, mechanisms, tensions, modes and proof (.npz)."),
         ResultFile(
@@ -148,16 +146,15 @@ class Analyse(AtPoint):
         from tensegrity_codegen.runtime.analysis.analyse import analyse
         from tensegrity_codegen.system.progress import work_pass
 
-        loaded = case.loaded
-        statics = with_statics(loaded.subject, case.request)
-        centred, offset = move_near_origin(loaded.subject, case.request)
+        statics = with_statics(case.subject, case.request)
+        centred, offset = move_near_origin(case.subject, case.request)
         needs = find_needs("analyse", centred, statics).alone(statics)
         if self.settles:
             needs = find_needs("equilibrium", centred, statics).besides(needs)
         model = case.build(centred, needs)
-        start, arguments = None, loaded.arguments
+        start, arguments = None, case.arguments
         if self.settles:
-            equilibrium = loaded.settle(model)
+            equilibrium = case.settle(model)
             start, arguments = equilibrium.coordinate, arguments | equilibrium.internal_argument
         with work_pass("analysing"):
             analysis = analyse(
@@ -218,7 +215,7 @@ class AnalyseResult(Result):
             from tensegrity_codegen.system.progress import work_pass
 
             with work_pass("drawing"):
-                drawn, command = outline_bodies(self.case.loaded.subject), self.case.command
+                drawn, command = outline_bodies(subject), self.case.command
                 shown = hide_bodies(outline_tendons(subject)).member_name
                 page = build_analysis_page(self.analysis, drawn, shown, command)
                 write_page(page, path, overwrite=overwrite)

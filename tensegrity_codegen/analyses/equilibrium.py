@@ -97,6 +97,7 @@ class FindEquilibrium(SceneAnalysis, CaseAnalysis):
     takes: ClassVar[tuple[str, ...]] = ("load", "input", "strict")
     files: ClassVar[tuple[ResultFile, ...]] = (
         ResultFile("out", (".toml",), "Write the settled structure as a scene file.", may_be_scene=True),
+        ResultFile("page", (".html",), "Write a page of the equilibrium (.html).", draws=True),
     )
 
     tolerance: Annotated[float, Option("largest node residual, part of the largest member force.")] = 1e-9
@@ -242,6 +243,11 @@ class EquilibriumResult(SearchResult):
         return self.equilibrium.snap is not None and bool(self.equilibrium.snap.snapped)
 
     @property
+    def verdict(self) -> str:
+        """What is wrong with the equilibrium, "" if nothing is."""
+        return "snapped; " * self.has_snapped + "exceeds limits; " * self.has_flaws
+
+    @property
     def actuated(self) -> "Subject":
         """The structure with the rest lengths that inputs and slip through rings leave."""
         from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length
@@ -299,11 +305,9 @@ class EquilibriumResult(SearchResult):
         sentences = [equilibrium.message] if equilibrium.message else []
         sentences += [tensions] if equilibrium.is_found else []
         flaws = [] if members is None else members.describe()
-        beyond = "snapped; " if self.has_snapped else ""
-        beyond += "exceeds limits; " if self.has_flaws else ""
         unit = "in the units of the coordinates" if isinstance(structure, BodySystem) else "N/m"
         return [
-            f"{beyond}{equilibrium.status}: {'; but '.join(['; '.join(sentences), *flaws])}",
+            f"{self.verdict}{equilibrium.status}: {'; but '.join(['; '.join(sentences), *flaws])}",
             *(tables if equilibrium.is_found else []),  # else those of no equilibrium would hide the reason
             *describe_plastic(equilibrium.plastic_elongation),
             *describe_slip(equilibrium.slid),
@@ -314,7 +318,7 @@ class EquilibriumResult(SearchResult):
         ]
 
     def write(self, name: str, path: "Path", *, overwrite: bool) -> bool:
-        """Write the settled structure, at rest, as a scene file, if an equilibrium was found."""
+        """Write the settled structure, at rest, as a scene file, or a page, if an equilibrium was found."""
         from tensegrity_codegen.scene.describe import describe_subject
         from tensegrity_codegen.scene.write import write_scene
         from tensegrity_codegen.structure.bodies import BodySystem
@@ -322,6 +326,9 @@ class EquilibriumResult(SearchResult):
         equilibrium, structure = self.equilibrium, self.actuated
         if not equilibrium.is_found:
             return False
+        if name == "page":
+            self._write_page(path, overwrite)
+            return True
         if isinstance(structure, BodySystem):
             at_rest = {"coordinate": equilibrium.coordinate, "velocity": 0 * structure.velocity}
         else:
@@ -332,6 +339,26 @@ class EquilibriumResult(SearchResult):
         document = describe_subject(structure.with_changes(**at_rest), self.case.request)
         write_scene(document, path, overwrite=overwrite)
         return True
+
+    def _write_page(self, path: "Path", overwrite: bool) -> None:
+        from tensegrity_codegen.report.loads import compute_static_loads
+        from tensegrity_codegen.report.pages.page import write_page
+        from tensegrity_codegen.report.state_page import build_state_page
+        from tensegrity_codegen.structure.member_limits import describe_tensions, summarise_tensions
+        from tensegrity_codegen.structure.outline import hide_bodies, outline_bodies, outline_tendons
+        from tensegrity_codegen.system.progress import work_pass
+
+        equilibrium, subject = self.equilibrium, self.actuated
+        tensions = describe_tensions(summarise_tensions(subject, equilibrium.member_tension))
+        title = f"{self.verdict}in balance: {tensions}"
+        with work_pass("drawing"):
+            load = compute_static_loads(subject, equilibrium)
+            drawn = outline_bodies(subject.with_changes(node_load=load))
+            names = hide_bodies(outline_tendons(subject)).member_name
+            page = build_state_page(
+                equilibrium, drawn, names, f"{title[:1].upper()}{title[1:]}", self.case.command
+            )
+            write_page(page, path, overwrite=overwrite)
 
 
 def describe_displacement(equilibrium: "Equilibrium") -> list[str]:

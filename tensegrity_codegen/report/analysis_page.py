@@ -6,11 +6,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from tensegrity_codegen.report.analysis_tables import (
-    LIMIT_NAMES,
     describe_analysis_finding,
     describe_counts,
 )
-from tensegrity_codegen.report.loads import compute_reactions
 from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.report.pages.diagram import Diagram, Series
 from tensegrity_codegen.report.pages.page import (
@@ -25,25 +23,19 @@ from tensegrity_codegen.report.pages.page import (
     command_section,
     diagram_figure,
 )
-from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, make_table, number_cell, text_cell
+from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell, text_cell
 from tensegrity_codegen.report.pages.picture import draw_motion, draw_picture, draw_tensions
 from tensegrity_codegen.report.pictures.draw import pad_tension
-from tensegrity_codegen.report.pictures.panel import set_up
-from tensegrity_codegen.report.pictures.plots import draw_shown
-from tensegrity_codegen.report.pictures.shown import show_structure
-from tensegrity_codegen.report.pictures.view import PictureChoices
+from tensegrity_codegen.report.state_page import forces_section, members_section
 from tensegrity_codegen.runtime.analysis.analyse import Analysis
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.runtime.analysis.prestress import name_moving
-from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.system.version import VERSION
 
 MAX_MECHANISMS, MAX_MODES = 4, 6
-MAX_NAMED = 16  # nodes up to which their names stay apart in a picture this small
-ROUNDING = 1e-9  # part of the largest force of a support below which it has none
 LEAD = (
     "Which tensions the structure can have in this configuration, which motions change no member's length, "
     "and whether tensions stiffen these. Tensions are positive, compressions negative. Motions are enlarged; "
@@ -76,8 +68,10 @@ def build_analysis_page(
         *_proof(analysis, structure, member_name),
         *_mechanisms(analysis, structure, motions),
         *_modes(analysis, structure, motions),
-        *_forces(analysis, structure),
-        _members(analysis, structure, member_name),
+        *_loads(analysis, structure),
+        members_section(
+            structure, analysis.member_tension, analysis.members, member_name, analysis.prestress.tension
+        ),
         _singular_values(analysis),
         *([command_section(command)] if command else []),
     )
@@ -267,84 +261,8 @@ def _motion_figure(
     return Figure(picture, caption, caption, {"displacement": motions[..., k].tolist()})
 
 
-def _forces(analysis: Analysis, structure: Structure) -> Iterator[Section]:
-    """Return loads, and what supports carry if the forces are in balance."""
-    load, position, axes = structure.node_load, analysis.node_position, list(structure.axes)
-    nodes = np.flatnonzero(load.any(axis=1) | structure.node_anchored.any(axis=1))
-    if not len(nodes):
-        return
-    tension = pad_tension(analysis.member_tension, structure) if analysis.is_balanced else None
-    reaction = np.full((len(nodes), 3), np.nan)
-    if tension is not None:
-        reaction = compute_reactions(structure, position[None], tension[None], nodes)[0]
-        reaction[np.abs(reaction) < ROUNDING * np.abs(reaction).max()] = 0.0
-    weight = (structure.node_mass.sum() + structure.member_mass.sum()) * structure.gravity
-    sums = {"loads": load.sum(axis=0), "weights": weight, "supports": reaction.sum(axis=0)}
-    totals = {name: np.round(force[axes], 6) for name, force in sums.items() if not np.isnan(force).any()}
-    sentences = (f"{name} {', '.join(format_short(x, 4) for x in force)} N" for name, force in totals.items())
-    claim = f"sums along {', '.join('xyz'[axis] for axis in axes)}: {'; '.join(sentences)}"
-    heads = [f"{kind} {'xyz'[axis]} [N]" for kind in ("load", "support") for axis in axes]
-    rows = [
-        (structure.node_name[n], *(float(x) or None for x in (*load[n, axes], *reaction[k, axes])))
-        for k, n in enumerate(nodes)
-    ]
-    columns = {"node": "", **dict.fromkeys(heads, "+.6g")}
-    table = make_table("Loads, and forces of supports on nodes", columns, rows)
-    labels = ("nodes",) if structure.n_nodes <= MAX_NAMED else ()
-    setting = set_up(show_structure(structure, position, tension), PictureChoices(labels=labels))
-    picture = draw_shown(setting, 0, "", "", is_vector=True)
-    caption = f"Loads and {'forces of supports' if tension is not None else 'no reactions: no balance'}."
-    figure = Figure(draw_picture(picture, "forces"), caption, caption, {"node_load": load.tolist()})
-    yield Section("forces", "", "Loads and supports", "plain", claim, (figure, table))
-
-
-def _tabulate_sections(structure: Structure, count: int) -> Table:
-    """Return the sections of the first members, equal ones of a class together."""
-    inner = np.zeros_like(structure.radius) if structure.inner_radius is None else structure.inner_radius
-    values = (structure.axial_stiffness, structure.spring_constant, structure.radius, inner)
-    groups: dict[tuple[str, ...], list[int]] = {}
-    for e in range(count):
-        name = structure.member_class[e] or ("bar" if structure.is_bar[e] else "cable")
-        sizes = zip((1e-3, 1.0, 1e3, 1e3), values, strict=True)
-        look = (format_short(factor * float(value[e]) or None, 5) for factor, value in sizes)
-        groups.setdefault((name, *look), []).append(e)
-    heads = ("EA [kN]", "spring constant [N/m]", "outer radius [mm]", "inner radius [mm]")
-    columns = {"class": "", "members": ".0f", **dict.fromkeys(heads, ".5g"), "mass [kg]": ".5g"}
-    rows = [
-        (look[0], len(group), *map(text_cell, look[1:]), float(structure.member_mass[group].sum()) or None)
-        for look, group in groups.items()
-    ]
-    return make_table("Sections, with the mass of these members together", columns, rows)
-
-
-def _members(analysis: Analysis, structure: Structure, member_name: tuple[str, ...]) -> Section:
-    members, count = analysis.members, len(member_name)
-    columns = [Column("member", numeric=False), Column("prestress", "1"), Column("tension", "N")]
-    columns += [Column("stress", "MPa"), Column("buckling factor")]
-    columns += [Column(f"{LIMIT_NAMES[name]} used", "%") for name in MEMBER_CHECKS]
-    rows = tuple(
-        (
-            text_cell(name),
-            number_cell(float(analysis.prestress.tension[e]), "+.4f"),
-            number_cell(float(analysis.member_tension[e]), "+.6g"),
-            _cell(members.stress[e] / 1e6, ".3f"),
-            _cell(members.buckling_factor[e], ".2f"),
-            *(_cell(100 * members.use[limit][e], ".1f") for limit in MEMBER_CHECKS),
-        )
-        for e, name in enumerate(member_name)
-    )
-    claim, head = "no limits are stated", ()
-    if members.worst is not None:
-        member, limit, use = members.worst
-        claim = f"nearest to a limit: {member}, {LIMIT_NAMES[limit]}, {100 * use:.3g} % used"
-        uses = np.nan_to_num(members.member_use[:count])
-        head = tuple(np.argsort(-uses, kind="stable")[:8].tolist())
-    note = "the nearest to a limit" if head else ""
-    table = Table("Members at the present tensions", tuple(columns), rows, head=head, head_note=note)
-    return Section("members", "", "Members", "plain", claim, (table, _tabulate_sections(structure, count)))
-
-
-def _cell(value: float, spec: str) -> Cell:
-    if math.isinf(value):
-        return text_cell("∞")
-    return number_cell(float(value), spec)
+def _loads(analysis: Analysis, structure: Structure) -> Iterator[Section]:
+    """Return loads, and forces of supports if the forces are in balance; nothing without both."""
+    if structure.node_load.any() or structure.node_anchored.any():
+        tension = pad_tension(analysis.member_tension, structure) if analysis.is_balanced else None
+        yield forces_section(structure, analysis.node_position, tension)

@@ -103,21 +103,6 @@ def test_limits_and_inputs(run: Run, folder: Path) -> None:
     assert settled["status"] == "stable"
 
 
-def test_loads_are_those_of_a_scene_that_states_them(run: Run, folder: Path) -> None:
-    """A mass of 1 kg with 5 N on it: 14.81 N in its cable and of its support; the written page says so."""
-    path = write(folder / "small.toml", HANGING)
-    stated = write(folder / "stated.toml", HANGING + '[[loads]]\nnode = "b"\nforce = [0, 0, -5]\n')
-    words = "analyse", "--settle", "--json"
-    data = run(*words, path, "--load", "b=0,0,-5", "--page", "case.html").data
-    assert data["load_prestress"]["tension"]["s1"] == pytest.approx(14.81)
-    plain = run(*words, stated).data
-    assert {key: data[key] for key in ("modes", "load_prestress", "largest_force")} == {
-        key: plain[key] for key in ("modes", "load_prestress", "largest_force")
-    }
-    page = (folder / "case.html").read_text(encoding="utf-8").replace("\N{NO-BREAK SPACE}", " ")
-    assert "loads 0, 0, −5 N; weights 0, 0, −9.81 N; supports 0, 0, 14.81 N" in page
-
-
 def test_a_hanging_mass_at_its_equilibrium(run: Run, folder: Path) -> None:
     path = write(folder / "small.toml", HANGING)
     data = run("analyse", path, "--settle", "--json").data

@@ -9,8 +9,9 @@ from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.scene.write import write_scene
 from tests.cases import thorough
 from tests.cli.conftest import Run, write_example
-from tests.cli.scenes import HANGING, TRUSS_REST, write, write_truss
+from tests.cli.scenes import FRAME, HANGING, TRUSS_REST, write, write_truss
 from tests.reference import ReferenceModel
+from tests.report.page_html import check_static
 from tests.rigid_scenes import HANGING as RODS
 
 # A bar of 2 kg hangs on a spring: half of its weight acts on each end.
@@ -381,3 +382,27 @@ def test_bodies_hang_with_their_centres_below_what_holds_them(run: Run, folder: 
     eye = np.array(data["node_position"]["block_eye"])
     np.testing.assert_allclose(centre, eye - [0, 0, math.hypot(0.01, 0.03)], atol=1e-9)
     np.testing.assert_allclose(eye - centre, axes @ [0, -0.01, 0.03], atol=1e-12)
+
+
+def test_a_page_of_a_load_case_has_loads_supports_and_members(run: Run, folder: Path) -> None:
+    """A mass of 1 kg with 5 N on it: 14.81 N in its cable and of its support."""
+    path = write(folder / "small.toml", HANGING + "[limits]\nmost_tension = 20\n")
+    run.good("equilibrium", path, "--load", "b=0,0,-5", "--page", "case.html")
+    text = (folder / "case.html").read_text(encoding="utf-8").replace("\N{NO-BREAK SPACE}", " ")
+    check_static(text, [])
+    assert "In balance: cables 14.81 N; s1 takes 74 % of its limit of most tension" in text
+    assert "loads 0, 0, −5 N; weights 0, 0, −9.81 N; supports 0, 0, 14.81 N" in text
+    assert "b moved farthest, 48.1 mm" in text  # (9.81 + 5) / 100 + 0.9 - 1 m
+    assert run("equilibrium", path, "--load", "b=0,0,-12", "--strict", "--page", "over.html").code == 3
+    assert "Exceeds limits; in balance" in (folder / "over.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("scene", "words"), [(FRAME, "2 nodes on the ground"), (None, "no limits are stated")]
+)
+def test_a_page_of_feet_and_of_bodies(run: Run, folder: Path, scene: str | None, words: str) -> None:
+    path = write_example(folder, "lin_prism") if scene is None else write(folder / "frame.toml", scene)
+    run.good("equilibrium", path, "--page", "state.html")
+    text = (folder / "state.html").read_text(encoding="utf-8")
+    check_static(text, [])
+    assert words in text

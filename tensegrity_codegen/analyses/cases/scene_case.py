@@ -86,12 +86,6 @@ class SceneCase:
         return total[:, list(self.subject.axes)]
 
     @property
-    def loaded(self) -> "SceneCase":
-        """This case with the added loads as loads of its scene."""
-        load = self.subject.node_load + self.added_load
-        return replace(self, subject=self.subject.with_changes(node_load=load), load=None)
-
-    @property
     def arguments(self) -> dict[str, Any]:
         """Inputs, and loads if some are added, as arguments of a library."""
         loads = {"node_load": self.node_load} if self.added_load.any() else {}
