@@ -279,7 +279,7 @@ def certificate_table(analysis: Analysis, subject: Subject) -> LongTable | None:
     axes, motion = list(subject.axes), motion[: len(subject.node_name)]
     size = np.linalg.norm(motion[:, axes], axis=1)
     return LongTable(
-        f"{subject.name}: displacements that prove it, for a largest shortening of 1",
+        f"{subject.name}: proof that no self-stress tightens all cables, for a largest shortening of 1",
         ("node", *("xyz"[axis] for axis in axes)),
         f"f{'r' * len(axes)}",
         len(subject.node_name),
