@@ -9,8 +9,12 @@ import numpy as np
 
 from tensegrity_codegen.pipeline.analyses import find_needs
 from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
-from tensegrity_codegen.pipeline.compile_scene import load_scene
-from tensegrity_codegen.pipeline.forming.force_density import check_lengths, find_density_shape, sum_forces
+from tensegrity_codegen.pipeline.forming.force_density import (
+    DensityShape,
+    check_lengths,
+    find_density_shape,
+    sum_forces,
+)
 from tensegrity_codegen.pipeline.forming.targets import (
     Numbers,
     find_nearest_shape,
@@ -20,8 +24,11 @@ from tensegrity_codegen.pipeline.forming.targets import (
 from tensegrity_codegen.pipeline.settle import with_statics
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.scene.assemble.assemble import find_mass_per_length
 from tensegrity_codegen.scene.describe import describe_structure
+from tensegrity_codegen.scene.read import name_source, read_scene
 from tensegrity_codegen.scene.schema.schema import Scene
+from tensegrity_codegen.scene.subject import assemble_scene
 from tensegrity_codegen.structure.body_support import require_no_bodies
 from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.sliding import require_no_rings
@@ -150,7 +157,7 @@ def form(
     ----------
     scene : str, Path, mapping or Scene
         As for `read_scene`: nodes, anchors, loads, members with their stiffnesses. Positions are where the
-        search begins, rest lengths are not used.
+        search begins, rest lengths are not used. Masses stated by length are those of the shape found.
     density, force, length : mapping of str to float
         Force density [N/m], tension [N] or length [m] by member, group, class, ``"cables"`` or ``"bars"``;
         what is stated of fewer members comes first: of a member before that of its group, class and kind.
@@ -198,26 +205,47 @@ def form(
     >>> found.status, found.member_name
     ('stable', ('member1',))
     """
-    subject, request = load_scene(scene)
+    read, where = read_scene(scene), name_source(scene)
+    subject, request = assemble_scene(read, where)
     structure = require_nodes(subject, "form finding")
+    mass_per_length = find_mass_per_length(read, structure, where)
     values = {"density": density, "force": force, "length": length}
     stated = read_statements(structure, *(check_mapping(value, name, OF) for name, value in values.items()))
     check_switch(least_load_path, "least_load_path")
     aims = {"target_length": target_length, "target_force": target_force, "length_range": length_range}
     lengths, forces, ranges = (check_mapping(value, name, OF) for name, value in aims.items())
     targets = read_targets(structure, lengths, forces, ranges, least_load_path)
-    if not targets.is_stated:
-        position, q = _find_shape(structure, request, *stated, compiler)
-        return _settle(structure, request, position, q, compiler)
-    if np.isnan(stated[0]).any():
+    if targets.is_stated and np.isnan(stated[0]).any():
         names = [structure.member_name[e] for e in np.flatnonzero(np.isnan(stated[0]))]
         problem = "targets need a force density of every member, where the search begins"
         allowed = "a force density of each member, below 0 where it pushes"
         value = f"none of {count_names(names)}"
         raise InvalidValueError(problem, where=structure.name, given=value, allowed=allowed)
-    shape = find_nearest_shape(structure, stated[0], targets)
-    equilibrium = _settle(structure, request, shape.node_position, shape.force_density, compiler)
-    return replace(equilibrium, message=f"{equilibrium.message}; load path {equilibrium.load_path:.9g} N m")
+    limit = np.inf
+    for _ in range(MOST_SHAPES):  # weights follow the lengths, and these the weights
+        if targets.is_stated:
+            shape = find_nearest_shape(structure, stated[0], targets)
+        else:
+            shape = _find_shape(structure, request, *stated, compiler)
+        held = _hold(structure, shape, mass_per_length)
+        growth = float(np.abs(held.member_mass - structure.member_mass).max(initial=0.0))
+        largest = float(held.member_mass.max(initial=0.0))
+        is_settled = not structure.gravity.any() or growth <= UNMOVED * largest
+        limit = min(limit, FARTHEST * largest)
+        if is_settled or largest >= limit:
+            break
+        structure = structure.with_changes(member_mass=held.member_mass)
+    if not is_settled:
+        raise ConvergenceError(
+            "no shape carries the weights of its members: they grow with the lengths",
+            evidence={"largest_mass": largest, "growth": growth},
+            where=structure.name,
+            hint="larger force densities or forces, or less mass_per_length or density",
+        )
+    found = _settle(structure, held, request, shape.force_density, compiler)
+    if not targets.is_stated:
+        return found
+    return replace(found, message=f"{found.message}; load path {found.load_path:.9g} N m")
 
 
 def require_nodes(subject: Any, what: str) -> Structure:
@@ -239,11 +267,10 @@ def _find_shape(
     force: FloatArray,
     length: FloatArray,
     compiler: str | None,
-) -> tuple[FloatArray, FloatArray]:
-    """Return positions (n_nodes, 3) and force densities (n_members,) in balance."""
+) -> DensityShape:
+    """Return positions and force densities in balance."""
     if np.isnan(length).all():
-        shape = find_density_shape(structure, density, force)
-        return shape.node_position, shape.force_density
+        return find_density_shape(structure, density, force)
     has_length, is_force = np.isfinite(length), np.isfinite(force)
     size = float(np.ptp(structure.node_position, axis=0).max())
     pushes = ~has_length & (np.where(is_force, force, density) < 0.0)
@@ -310,7 +337,7 @@ def _find_shape(
             problem, evidence={"shapes": MOST_SHAPES, "last_motion": motion, "size": size}, where=location
         )
     member_length = check_lengths(structure, equilibrium.node_position, size)
-    return equilibrium.node_position, equilibrium.member_tension / member_length
+    return DensityShape(equilibrium.node_position, equilibrium.member_tension / member_length)
 
 
 def _ask(structure: Structure, request: ModelRequest, parameters: dict[str, tuple[int, ...]]) -> ModelRequest:
@@ -319,18 +346,29 @@ def _ask(structure: Structure, request: ModelRequest, parameters: dict[str, tupl
     return replace(find_needs("equilibrium", structure, statics).alone(statics), parameters=parameters)
 
 
-def _settle(
-    structure: Structure, request: ModelRequest, position: FloatArray, q: FloatArray, compiler: str | None
-) -> Form:
-    """Return the shape with the stiffnesses of the scene: rest lengths, balance, stability."""
-    moved = structure.with_changes(node_position=position, node_velocity=np.zeros_like(position))
+def _hold(structure: Structure, shape: DensityShape, mass_per_length: FloatArray) -> Structure:
+    """Return the structure in a shape, with rest lengths that hold it and the masses of its members."""
+    velocity = np.zeros_like(shape.node_position)
+    moved = structure.with_changes(node_position=shape.node_position, node_velocity=velocity)
     length = moved.member_length()
-    tension = q * length
+    tension = shape.force_density * length
     _check_tensions(structure, tension)
     moved = moved.with_changes(rest_length=length)  # which rigid bars keep
-    rest_length = moved.require_rest_length(length, tension, "smaller force densities, or a stiffer member")
-    held = moved.with_changes(rest_length=rest_length)
-    forces = sum_forces(structure, position, q)
+    rest_length = moved.require_rest_length(
+        length, tension, "smaller force densities or weights, or a stiffer member"
+    )
+    mass = mass_per_length * np.where(structure.is_bar, length, rest_length)
+    mass = np.where(np.isnan(mass_per_length), structure.member_mass, mass)
+    return moved.with_changes(rest_length=rest_length, member_mass=mass)
+
+
+def _settle(
+    structure: Structure, held: Structure, request: ModelRequest, q: FloatArray, compiler: str | None
+) -> Form:
+    """Return the shape with the stiffnesses of the scene: balance, stability. structure: at the start."""
+    position, length = held.node_position, held.member_length()
+    tension = q * length
+    forces = sum_forces(held, position, q)
     forces[structure.node_anchored] = 0.0
     residual = float(np.abs(forces[:, list(structure.axes)]).max(initial=0.0))
     if (q >= 0.0).all() and not structure.is_rigid.any():

@@ -9,6 +9,7 @@ from pydantic import ValidationError
 from tensegrity_codegen.scene.assemble.contacts import build_collision, build_ground, find_bar_pairs
 from tensegrity_codegen.scene.assemble.control import build_actuators, build_limits, build_sensors
 from tensegrity_codegen.scene.assemble.free_bodies import add_corners, add_points, place_free_bodies
+from tensegrity_codegen.scene.assemble.member_values import resolve_values
 from tensegrity_codegen.scene.assemble.members import (
     build_member_arrays,
     build_node_arrays,
@@ -31,6 +32,7 @@ from tensegrity_codegen.scene.shapes import expand_shape
 from tensegrity_codegen.scene.translate import translate
 from tensegrity_codegen.structure.inertia_plan import find_massless
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError
 from tensegrity_codegen.tables.body_places import join_bodies
@@ -165,6 +167,24 @@ def list_parts(scene: Scene, where: str) -> SceneParts:
         members={**made.members, **scene.members},
         groups={**made.groups, **scene.groups},
     )
+
+
+def find_mass_per_length(scene: Scene, structure: Structure, where: str) -> FloatArray:
+    """Return the masses for each metre of members that state them so, (n_members,) [kg/m]; nan of others.
+
+    Of the rest lengths of cables, by mass_per_length, and of the lengths of bars, by density.
+    """
+    members = list_parts(scene, where).members
+    values = resolve_values(scene.classes, members, where)[0]
+    stated = ~np.isnan(values["mass_per_length"]) | ~np.isnan(values["density"])
+    row = {name: e for e, name in enumerate(structure.member_name)}
+    names = [name for name, is_stated in zip(members, stated, strict=True) if is_stated]
+    # Of a cable in segments the pieces are a group of its name.
+    rows = [e for name in names for e in ([row[name]] if name in row else structure.groups[name])]
+    length = np.where(structure.is_bar, structure.member_length(), structure.rest_length)
+    per_length = np.full(structure.n_members, np.nan)
+    per_length[rows] = structure.member_mass[rows] / length[rows]
+    return per_length
 
 
 def _build_request(scene: Scene, structure: Structure, targets: Targets) -> ModelRequest:

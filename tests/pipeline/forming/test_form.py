@@ -244,3 +244,40 @@ def test_structures_on_the_ground_are_refused() -> None:
         node["mass"] = 0.1
     with pytest.raises(FormulationError, match="ground"):
         form({**scene, "ground": {"stiffness": 1e4}}, density={"cables": 1.0})
+
+
+@pytest.mark.parametrize("segments", [1, 3])
+def test_masses_by_length_are_those_of_the_shape_found(segments: int) -> None:
+    """Cables of 1 kg/m that hang: the weights in balance are those of the lengths found."""
+    rope = {"kind": "cable", "axial_stiffness": 1e5, "mass_per_length": 1.0, "segments": segments}
+    nodes: dict[str, Any] = {
+        name: {"position": [x, 0, 0], "anchored": True} for name, x in (("a", 0), ("b", 2))
+    }
+    nodes["m"] = {"position": [1, 0, -9]}
+    members: dict[str, Any] = {"b": {"class": "rope", "nodes": ["b", "m"]}}
+    members["a"] = {"kind": "cable", "axial_stiffness": 1e5, "mass": 3.0, "nodes": ["a", "m"]}
+    scene = {"name": "hung", "gravity": [0, 0, -9.81], "nodes": nodes, "classes": {"rope": rope}}
+    found = form({**scene, "members": members}, density={"cables": 20.0})
+    structure, _ = load_scene(found.document)
+    of_rope = [structure.member_name.index(name) for name in structure.member_name if name != "a"]
+    assert structure.member_mass[of_rope] == pytest.approx(found.rest_length[of_rope], rel=1e-9)
+    assert float(structure.member_mass[structure.member_name.index("a")]) == 3.0
+    check_balance(found)
+
+
+def test_bars_by_density_weigh_as_long_as_they_are_found() -> None:
+    scene = arch()
+    scene["gravity"] = [0.0, 0.0, -9.81]
+    scene["classes"]["rib"] |= {"radius": 0.01, "density": 100.0}
+    found = form(scene, density={"bars": -2.0})
+    mass = 100.0 * np.pi * 0.01**2 * found.member_length
+    assert found.structure.member_mass == pytest.approx(mass, rel=1e-9)
+    check_balance(found)
+
+
+def test_weights_that_grow_faster_than_the_pull_have_no_shape() -> None:
+    scene = arch()
+    scene["gravity"] = [0.0, 0.0, -9.81]
+    scene["classes"]["rib"] = {"kind": "bar", "radius": 0.01, "density": 7850.0}
+    with pytest.raises(ConvergenceError, match="no shape carries the weights"):
+        form(scene, density={"bars": -2.0})
