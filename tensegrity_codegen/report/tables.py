@@ -8,10 +8,11 @@ import numpy as np
 from tensegrity_codegen.report.long_table import LongTable, Ranking, add_row, new_table, rank_rows
 from tensegrity_codegen.runtime.trajectory.trajectory import Foot
 from tensegrity_codegen.structure.bodies import BodySystem
-from tensegrity_codegen.structure.member_limits import MemberChecks
+from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS, MemberChecks
 from tensegrity_codegen.structure.outline import hide_bodies
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.tables.manifest import Manifest
 
 if TYPE_CHECKING:
@@ -209,7 +210,7 @@ def members_table(
     structure = hide_bodies(structure)
     member_length, member_tension = (x[: structure.n_members] for x in (member_length, member_tension))
     strain = 100 * (member_length - structure.rest_length) / structure.rest_length
-    use = _find_uses(checks, structure.n_members)
+    use = _find_uses(checks, structure.n_members, MEMBER_CHECKS)
     used = [] if np.isnan(use).all() else ["use"]
 
     def describe(e: int) -> list[str]:
@@ -229,15 +230,31 @@ def members_table(
     return LongTable(
         f"{structure.name}: members", ("member", "class", "nodes", *heads), f"fffrrrr{'r' * len(used)}l",
         structure.n_members, describe, "members", rank_members(structure, member_tension, checks),
-        short=classes_table(
+        _count_loose(checks, structure.n_members), short=classes_table(
             structure, {"length\n[m]": member_length, "tension\n[N]": member_tension}, member_tension, checks
         ),
     )  # fmt: skip
 
 
-def _find_uses(checks: MemberChecks | None, count: int) -> FloatArray:
-    """Return the largest part of a limit that each of the first members uses, which are those of tables."""
-    return np.full(count, np.nan) if checks is None else checks.member_use[:count]
+LEAST_TENSION = "least_tension"
+STRENGTHS = tuple(limit for limit in MEMBER_CHECKS if limit != LEAST_TENSION)
+
+
+def _find_uses(checks: MemberChecks | None, count: int, limits: Sequence[str]) -> FloatArray:
+    """Return the largest part of limits that each of the first members uses, which are those of tables."""
+    uses = [] if checks is None else [checks.use[limit][:count] for limit in limits]
+    return np.asarray(np.fmax.reduce([np.full(count, np.nan), *uses]))
+
+
+def _count_loose(checks: MemberChecks | None, count: int) -> str:
+    """Return how many members are below their least tension, and slack, as a sentence; empty for none."""
+    use = _find_uses(checks, count, [LEAST_TENSION])
+    slack = f", {np.isinf(use).sum()} of them without tension" if np.isinf(use).any() else ""
+    return (
+        f"{describe_count((use > 1).sum(), 'member')} below the least tension{slack}"
+        if (use > 1).any()
+        else ""
+    )
 
 
 def _show_use(use: float) -> str:
@@ -250,17 +267,20 @@ def classes_table(
     member_tension: FloatArray,
     checks: MemberChecks | None = None,
 ) -> LongTable | None:
-    """Return a table of the classes of members; None for one or two, or more than half as many as members.
+    """Return a table of the classes of members; None for one, or more than half as many as members.
 
     A row has the range of each of the values (n_members,), by their heading, the largest use of a limit, and
-    the member that has it; without limits that of the largest force.
+    the member that has it; without limits that of the largest force. Tensions below the least one, whose use
+    would hide that of the strength, are counted below the table.
     """
     rows: dict[str, list[int]] = {}
     for e, name in enumerate(structure.member_class):
         rows.setdefault(name or ("bar" if structure.is_bar[e] else "cable"), []).append(e)
-    if not 2 < len(rows) <= len(structure.member_class) // 2 or not any(structure.member_class):
+    if not 2 <= len(rows) <= len(structure.member_class) // 2 or not any(structure.member_class):
         return None
-    use = _find_uses(checks, len(member_tension))
+    count = len(member_tension)
+    use, strength = (_find_uses(checks, count, limits) for limits in (MEMBER_CHECKS, STRENGTHS))
+    use = np.where((use > 1) & ~np.isnan(strength), strength, use)
     weight = np.where(np.isnan(use), np.abs(member_tension) / (1 + np.abs(member_tension).max()) - 2, use)
     worst = {name: max(members, key=lambda e: weight[e]) for name, members in rows.items()}
     names = list(rows)
@@ -277,7 +297,7 @@ def classes_table(
     order = rank_rows(np.array([-weight[worst[name]] for name in names]))
     return LongTable(
         f"{structure.name}: members by class", heads, f"fr{'r' * len(values)}rf", len(names), describe,
-        "classes", (("nearest to their limits, largest force", order),),
+        "classes", (("nearest to their limits, largest force", order),), _count_loose(checks, count),
     )  # fmt: skip
 
 
@@ -315,15 +335,18 @@ def rank_members(
     """Return which members matter most: nearest to their limits, least tension, largest compression.
 
     structure: with its bars; member_tension (n_members,) [N]: tensions; checks: members against their limits;
-    if there are any, these count in place of the compression of bars.
+    if there are any, these count in place of the compression of bars, and least tensions by themselves.
     """
-    use = _find_uses(checks, len(member_tension))
-    limited = np.flatnonzero(~np.isnan(use))
+    strength, least_use = (
+        _find_uses(checks, len(member_tension), limits) for limits in (STRENGTHS, [LEAST_TENSION])
+    )
+    limited, held = (np.flatnonzero(~np.isnan(use)) for use in (strength, least_use))
     bars = np.flatnonzero(structure.is_bar)
     cables = np.flatnonzero(~structure.is_bar)
     facts = [
-        ("nearest to their limits or beyond", limited, -use),
-        ("cables with least tension", cables, member_tension),
+        ("nearest to their limits or beyond", limited, -strength),
+        ("nearest to their least tension or below", held, -least_use),
+        ("cables with least tension", cables if not len(held) else cables[:0], member_tension),
         ("bars with most compression", bars if not len(limited) else bars[:0], member_tension),
     ]
     return tuple(

@@ -142,6 +142,24 @@ def test_many_members_of_few_classes_are_shown_class_by_class():
     assert [row[-2] for row in body] == ["", "0.5", "0.25", "0.8", "0.025", "0.8889"]
     free = check_members(structure, tension, structure.member_length())
     assert "use" not in rows(members_table(structure, structure.member_length(), tension, free))[0]
-    for classes in (("", "", "", "", "", ""), ("a", "a", "b", "b", "a", "b"), tuple("abcdef")):
+    for classes in (("", "", "", "", "", ""), ("a", "a", "a", "a", "a", "a"), tuple("abcdef")):
         other = structure.with_changes(member_class=classes)
         assert members_table(other, other.member_length(), tension).short is None
+    two = structure.with_changes(member_class=("a", "a", "b", "b", "a", "b"))
+    assert members_table(two, two.member_length(), tension).short.count == 2
+
+
+def test_slack_cables_do_not_hide_the_strength_of_the_others():
+    """Cables without tension use infinitely much of a least tension; greatest strengths come beside it."""
+    structure = frame().with_changes(member_class=("a", "b", "b", "c", "b", "c"))
+    limits = replace(Limits().for_members(6), most_tension=np.full(6, 10.0), least_tension=np.full(6, 1.0))
+    structure = structure.with_changes(limits=limits)
+    tension = np.array([4.0, 0.0, 0.0, 0.5, 9.0, 2.0])
+    checks = check_members(structure, tension, structure.member_length())
+    table = members_table(structure, structure.member_length(), tension, checks)
+    reasons = [reason for reason, _ in table.ranking]
+    assert reasons[:2] == ["nearest to their limits or beyond", "nearest to their least tension or below"]
+    assert table.pick(4) == [4, 0, 1, 2]
+    assert table.caption == "3 members below the least tension, 2 of them without tension"
+    assert table.short.caption == table.caption
+    assert [row[-2:] for row in rows(table.short)[1]] == [("0.4", "e0"), ("0.9", "e4"), ("0.5", "e5")]

@@ -205,10 +205,10 @@ def form(
     >>> found.status, found.member_name
     ('stable', ('member1',))
     """
-    read, where = read_scene(scene), name_source(scene)
-    subject, request = assemble_scene(read, where)
+    source, source_name = read_scene(scene), name_source(scene)
+    subject, request = assemble_scene(source, source_name)
     structure = require_nodes(subject, "form finding")
-    mass_per_length = find_mass_per_length(read, structure, where)
+    mass_per_length = find_mass_per_length(source, structure, source_name)
     values = {"density": density, "force": force, "length": length}
     stated = read_statements(structure, *(check_mapping(value, name, OF) for name, value in values.items()))
     check_switch(least_load_path, "least_load_path")
@@ -242,10 +242,10 @@ def form(
             where=structure.name,
             hint="larger force densities or forces, or less mass_per_length or density",
         )
-    found = _settle(structure, held, request, shape.force_density, compiler)
+    formed = _settle(structure, held, request, shape.force_density, compiler)
     if not targets.is_stated:
-        return found
-    return replace(found, message=f"{found.message}; load path {found.load_path:.9g} N m")
+        return formed
+    return replace(formed, message=f"{formed.message}; load path {formed.load_path:.9g} N m")
 
 
 def require_nodes(subject: Any, what: str) -> Structure:
