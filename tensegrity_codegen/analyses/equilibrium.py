@@ -195,10 +195,6 @@ class FindEquilibrium(SceneAnalysis, CaseAnalysis):
             equilibrium = add_segment_error(equilibrium, request, compiler=case.compiler)
         except ConvergenceError as error:
             case.warn(f"the discretisation error of cables in segments is unknown: {error.problem}")
-        held = case.held_load
-        if held:
-            names = ", ".join(held)
-            case.warn(f"a part of the load acts on anchored axes and has no effect: {names}")
         equilibrium = move_back(equilibrium, structure, offset, case.added_load, case.inputs)
         return EquilibriumResult(equilibrium, case)
 

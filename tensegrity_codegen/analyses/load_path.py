@@ -53,17 +53,19 @@ class LoadRamp:
     parameters: dict[str, tuple[int, ...]]
     kind: RampKind
 
-    def check_moves(self, path: "ModelPath", load_texts: Sequence[str]) -> None:
-        """Raise InvalidValueError if a growing load acts on anchored axes only."""
+    def check_moves(self, path: "ModelPath", load_texts: Sequence[str]) -> tuple[str, ...]:
+        """Return the nodes whose growing load supports take; raises InvalidValueError if they take all."""
         held = path.find_held() if load_texts else ()
-        if held:
+        is_all = len(held) == self.pattern["node_load"].any(axis=1).sum() and "gravity" not in self.pattern
+        if held and is_all:
             raise InvalidValueError(
-                "the load acts on anchored axes only and has no effect",
+                "supports take the whole load at once: nothing moves, and only reactions change",
                 where=f"--load {held[0]}",
                 given=", ".join(held),
                 allowed="a node that can move in the direction of the load",
-                hint="remove these loads",
+                hint="load another node; `reactions` shows what supports carry",
             )
+        return held
 
 
 def build_ramp(
@@ -201,7 +203,9 @@ class FollowLoadPath(SceneAnalysis):
         needs = needs.wanting(*quantities, parameters=ramp.parameters)
         model = case.build(subject, needs)
         path = build_path(model, ramp.pattern, {**ramp.base, **merge_inputs(model.manifest, case.inputs)})
-        ramp.check_moves(path, case.load_texts)
+        held = ramp.check_moves(path, case.load_texts)
+        if isinstance(subject, BodySystem):  # of others it is told as their loads are read
+            case.warn_held_load(held)
         return path
 
 

@@ -160,7 +160,7 @@ def _read_case(
     subject, request = output.load(scene, settles=analysis.settles, sags=True)
     subject = analysis.prepare_structure(subject)
     texts = given.get("load") or ()
-    return SceneCase(
+    case = SceneCase(
         subject,
         request,
         inputs=read_inputs(given.get("input"), subject, output),
@@ -174,6 +174,8 @@ def _read_case(
         files=files,
         name_options=name_options,
     )
+    case.warn_held_load(case.held_load)
+    return case
 
 
 def _write_files(result: Result, paths: Mapping[ResultFile, Any], overwrite: bool) -> dict[str, Any]:

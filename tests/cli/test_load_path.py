@@ -278,10 +278,16 @@ def test_wrong_usage_is_refused(run: Run, prism: Path, words: tuple[str, ...], s
     assert ended.data["status"] == "error"
 
 
-def test_a_load_on_what_is_held_is_refused(run: Run, folder: Path) -> None:
+def test_a_load_on_what_is_held_alone_is_refused_and_beside_others_told(run: Run, folder: Path) -> None:
+    """With a pattern of which some nodes are anchored the path is that of the nodes that can move."""
     path = write(folder / "small.toml", GOOD)
-    ended = run.refused("load-path", path, "--load", "b=0,0,-1", "--load", "a=0,0,-1", "--most", 1, "--json")
+    ended = run.refused("load-path", path, "--load", "a=0,0,-1", "--most", 1, "--json")
     assert (ended.data["error"], ended.data["given"]) == ("InvalidValueError", "'a'")
+    some, one = (run.good("load-path", path, "--load", f"{name}=0,0,-1", "--json") for name in ("[ab]", "b"))
+    assert some.data["load_factor"] == one.data["load_factor"]
+    assert some.data["warnings"][-1].endswith("which counts in reactions alone: a.z")
+    for verb in ("equilibrium", "reactions", "analyse"):
+        assert "which counts in reactions alone: a.z" in run(verb, path, "--load", "[ab]=0,0,-1").err
 
 
 def test_a_page_names_limits_in_words(run: Run, prism: Path) -> None:

@@ -1,6 +1,6 @@
 """A scene with the values of inputs, loads and the compiler that one command states."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -98,3 +98,9 @@ class SceneCase:
             return []
         indices = np.argwhere((self.added_load != 0.0) & self.subject.node_anchored)
         return [f"{self.subject.node_name[node]}.{'xyz'[axis]}" for node, axis in indices]
+
+    def warn_held_load(self, names: Sequence[str]) -> None:
+        """Warn that added loads act on supports alone, if any do: at these nodes or parts "NODE.axis"."""
+        if names:
+            sentence = "supports take a part of the load at once, which counts in reactions alone"
+            self.warn(f"{sentence}: {', '.join(names)}")
