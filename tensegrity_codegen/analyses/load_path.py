@@ -295,11 +295,12 @@ class LoadPathResult(Result):
 
     def describe(self) -> list[Any]:
         """Return how the path ended, its points and its events."""
-        from tensegrity_codegen.report.result_tables import events_table
+        from tensegrity_codegen.report.result_tables import describe_excess, events_table
 
         path = self.path
         digits = DIGITS_ON_GROUND if self.model.model.manifest.contact_name else 10
-        flaws = path.describe_stability(digits) + self.flaws.describe()
+        flaws = [*describe_excess(path.events, digits), *path.describe_stability(digits)]
+        flaws += self.flaws.describe()
         finding = "; but ".join([f"{path.status}: {path.message}", *flaws])
         grows = f"the load factor multiplies {GROWING[self.ramp]}" if self.case.subject.gravity.any() else ""
         lines = (finding, grows, _advise(path), _summary(path, digits))

@@ -22,9 +22,11 @@ from tensegrity_codegen.report.pages.page import (
 from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell, text_cell
 from tensegrity_codegen.report.pages.picture import draw_picture, draw_tensions
 from tensegrity_codegen.report.pictures.draw import pad_tension
-from tensegrity_codegen.runtime.paths.load_path import LoadPath, PathEvent
+from tensegrity_codegen.report.result_tables import describe_excess, find_first_events
+from tensegrity_codegen.runtime.paths.load_path import STABILITY_LOSS_EVENTS, LoadPath, PathEvent
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.errors import name_list
 from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.system.version import VERSION
 
@@ -48,13 +50,15 @@ def build_path_page(
 
     structure: the drawn one; position (n_points, n_nodes, 3) [m]; columns: of the table of the path.
     """
-    title = path.message[:1].upper() + path.message[1:]
+    excess = [_name_limits(sentence) for sentence in describe_excess(path.events, 5)]
+    title = "; ".join([path.message[:1].upper() + path.message[1:], *excess])
     if path.stable_up_to is not None:
         title += f"; stable up to {format_short(path.stable_up_to, 5)} only"
     elif path.near_bifurcation is not None:
         title += f"; near a bifurcation at {format_short(path.near_bifurcation, 5)}"
-    elif events and path.status == "completed":
-        title += f"; first event: {events[0].kind} at {format_short(float(events[0].load_factor), 5)}"
+    elif events and path.status == "completed" and not excess:
+        of = f" of {name_list(events[0].names, 1)}" if events[0].names else ""
+        title += f"; first event: {events[0].kind}{of} at {format_short(float(events[0].load_factor), 5)}"
     largest = format_short(float(path.load_factor.max()), 5)
     curve: tuple[Block, ...] = _path(path, events, structure, position)
     curve += tuple(Remark("differs", as_sentence(flaw)) for flaw in [*path.describe_stability(5), *flaws])
@@ -98,7 +102,11 @@ def _path(
     label = f"displacement of {name} along {'xyz'[axis]} [mm]"
     caption = f"Load factor over the displacement of {name}, the node that moves most; marks: events."
     rows = tuple(
-        (number_cell(event.load_factor, ".6g"), text_cell(event.kind), text_cell(_name_members(event)))
+        (
+            number_cell(event.load_factor, ".6g"),
+            text_cell(event.kind),
+            text_cell(_name_limits(join_names(event.names, 8))),
+        )
         for event in events
     )
     heads = (Column("load factor"), Column("event", numeric=False), Column("of", numeric=False))
@@ -106,12 +114,11 @@ def _path(
     return figure, Table("Events" if rows else "No event", heads, rows)
 
 
-def _name_members(event: PathEvent) -> str:
-    """Return what an event is of, limits in words."""
-    label = join_names(event.names, 8)
+def _name_limits(text: str) -> str:
+    """Return a text about events with its limits in words."""
     for key, limit in LIMIT_NAMES.items():
-        label = label.replace(f"({key})", f"({limit})")
-    return label
+        text = text.replace(f"({key})", f"({limit})")
+    return text
 
 
 def _shapes(
@@ -121,11 +128,15 @@ def _shapes(
     position: FloatArray,
     columns: Mapping[str, FloatArray],
 ) -> list[Figure]:
-    """Return the structure at the start, at the first events and at the end."""
+    """Return the structure at the start, where it loses stability, at the first of each event, at the end."""
     last = len(position) - 1
+    lost = [event for event in path.events if event.kind in STABILITY_LOSS_EVENTS]
+    lost = [event for event in lost if event.load_factor == path.stable_up_to]
+    points = [event.point for event in [*lost, *(events[k] for k in find_first_events(events))]]
+    drawn_points = [last, *list(dict.fromkeys(points))[:MAX_SHAPES]]
     at: dict[int, str] = {}
     for event in events:
-        if len(at) < MAX_SHAPES or event.point in (*at, last):
+        if event.point in drawn_points:
             at[event.point] = ", ".join(filter(None, (at.get(event.point, ""), event.kind)))
     rows = sorted({0, *at, last})
     tension = np.stack([values for name, values in columns.items() if name.startswith("tension_")], axis=-1)

@@ -122,11 +122,28 @@ def events_table(events: Sequence[PathEvent], all_names: bool = True, digits: in
         return f"{events[k].load_factor:.{digits}g}", events[k].kind, listed
 
     path_events = [k for k, event in enumerate(events) if event.kind in OF_THE_PATH]
-    other_events = [k for k, event in enumerate(events) if event.kind not in OF_THE_PATH]
+    order = dict.fromkeys([*find_first_events(events), *path_events, *range(len(events))])
     return LongTable(
         "events", ("load factor", "event", "of"), "rff", len(events), describe, "events",
-        (("limit points, bifurcations, contacts", path_events), ("first others", other_events)),
+        (("first of each kind and limit, of the whole path, earliest", list(order)),),
     )  # fmt: skip
+
+
+def find_first_events(events: Sequence[PathEvent]) -> list[int]:
+    """Return the numbers of the first event of each kind, and of each limit "NAME (limit)" of members."""
+    firsts: dict[tuple[str, str], int] = {}
+    for k, event in enumerate(events):
+        for name in event.names or ("",):
+            firsts.setdefault((event.kind, name.partition(" (")[2]), k)
+    return list(dict.fromkeys(firsts.values()))
+
+
+def describe_excess(events: Sequence[PathEvent], digits: int) -> list[str]:
+    """Return a sentence about the load factor at which members first exceed a limit, if any do."""
+    excess = next((event for event in events if event.kind == "exceeded"), None)
+    if excess is None:
+        return []
+    return [f"{name_list(excess.names, 1)} first exceeded at load factor {excess.load_factor:.{digits}g}"]
 
 
 def _columns(prefix: str, names: Sequence[str], rows: FloatArray) -> dict[str, FloatArray]:

@@ -294,10 +294,17 @@ def test_a_page_names_limits_in_words(run: Run, prism: Path) -> None:
     pytest.importorskip("matplotlib")
     weak = write(prism.with_name("weak.toml"), prism.read_text() + "\n[limits]\nyield_stress = 6.5e5\n")
     ended = run("load-path", weak, "--page", "weak.html", "--json")
-    assert "bar3 (yield_stress)" in ended.data["events"][0]["names"]
+    event = ended.data["events"][0]
+    assert "bar3 (yield_stress)" in event["names"]
     text = prism.with_name("weak.html").read_text(encoding="utf-8")
     assert "bar3 (yield stress)" in text
     assert "(yield_stress)" not in text
+    heading = text.partition("<h1>")[2].partition("</h1>")[0]
+    assert f"(yield stress) first exceeded at load factor {event['load_factor']:.5g}" in heading.replace(
+        f" and {len(event['names']) - 1} more", ""
+    )
+    said = run("load-path", weak).out
+    assert f"first exceeded at load factor {event['load_factor']:.10g}" in said
 
 
 @pytest.mark.parametrize("most", ["inf", "nan", "0"])
