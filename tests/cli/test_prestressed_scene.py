@@ -175,3 +175,19 @@ def test_one_option_needs_the_other(run: Run, folder: Path) -> None:
     path = write(folder / "loose.toml", PRISM)
     run.refused("analyse", path, "--prestress", "5")
     run.refused("analyse", path, "--scene-out", "tense.toml")
+
+
+def test_cables_with_next_to_no_prestress_are_named(run: Run, folder: Path) -> None:
+    """Three cables at one node, two of them nearly in line: the third pulls as much as these rise, 0.1 %."""
+    ends = {"a": "-1, 0", "b": "1, 0.001", "d": "0, -1"}
+    nodes = "".join(f"{name} = {{ position = [{at}], anchored = true }}\n" for name, at in ends.items())
+    members = "".join(f'c{name} = {{ class = "rope", nodes = ["m", "{name}"] }}\n' for name in ends)
+    head = 'name = "fan"\naxes = "xy"\n[classes.rope]\nkind = "cable"\naxial_stiffness = 1e5\n[nodes]\n'
+    scene = write(folder / "fan.toml", f"{head}m = {{ position = [0, 0] }}\n{nodes}[members]\n{members}")
+    told = run("analyse", scene, "--prestress", 1000, "--scene-out", folder / "tense.toml").err
+    assert "less than 1 % of the largest tension, as rounded positions may: 1 N and more in 1 (cd)" in told
+    write(scene, scene.read_text().replace("0.001", "0.1"))
+    assert (
+        "of the largest tension"
+        not in run("analyse", scene, "--prestress", 1000, "--scene-out", folder / "stiff.toml").err
+    )

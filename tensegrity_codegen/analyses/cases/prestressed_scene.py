@@ -18,6 +18,7 @@ from tensegrity_codegen.system.errors import (
     UnknownNameError,
     suggest,
 )
+from tensegrity_codegen.system.summaries import count_names
 
 if TYPE_CHECKING:
     from tensegrity_codegen.runtime.analysis.analyse import Analysis
@@ -29,12 +30,14 @@ LEAST_WORD = "least"
 NO_FORCE = 1e-10  # of the largest force: a member of the self-stress with less has none
 BALANCE_TOLERANCE = 1e-6  # of the largest force: residual up to which the written scene is in balance
 
+LOOSE = 0.01  # of the largest tension of cables: with less a cable is as good as slack
+
 
 @dataclass(frozen=True)
 class Prestressed:
     """A scene with the prestress found, as it was read back: tensions [N] and the largest residual [N].
 
-    warning: that the shape is only near one with prestress; empty where it is in balance.
+    warning: that the shape is only near one with prestress, and which cables hardly have any; empty for none.
     """
 
     tension: FloatArray
@@ -84,14 +87,28 @@ def write_prestressed(
             where=PRESTRESS,
             hint="members may be very stiff for so little force: more prestress, or a smaller stiffness",
         )
-    warning = ""
+    warnings = _list_loose(subject, stored)
     if residual > BALANCE_TOLERANCE * largest:
-        warning = (
+        warnings.append(
             f"{out} is near balance only, {residual:.3g} N off with a largest force of {largest:.3g} N, for "
             f"its shape is rounded: `equilibrium {out} --out SETTLED.toml` moves the nodes into balance"
         )
     write_scene(document, out, overwrite=overwrite)
-    return Prestressed(stored, residual, _describe_choice(analysis), warning)
+    return Prestressed(stored, residual, _describe_choice(analysis), "; and ".join(warnings))
+
+
+def _list_loose(subject: "Subject", tension: FloatArray) -> list[str]:
+    """Return a sentence about cables that have next to no prestress beside the others; empty for none."""
+    cables = subject.tension_only & (tension < LOOSE * tension[subject.tension_only].max(initial=0.0))
+    if not cables.any():
+        return []
+    rows = np.flatnonzero(cables)[np.argsort(tension[cables], kind="stable")].tolist()
+    names = count_names([subject.member_name[e] for e in rows])
+    return [
+        f"the prestress written leaves cables with less than {100 * LOOSE:g} % of the largest tension, as "
+        f"rounded positions may: {tension[rows[0]]:.3g} N and more in {names}; a small load slackens them: "
+        "give these a prestress of their own in the scene and settle it, or move nodes so that they pull more"
+    ]
 
 
 def _read_size(text: str, subject: "Subject") -> tuple[str, float]:
