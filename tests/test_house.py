@@ -221,7 +221,7 @@ MAX_LINES = {
     "analyses": 5_675,  # options of estimators in sweeps, pages of equilibria
     "cli": 5_350,  # bodies in `check`
     "codegen": 11_100,  # bodies beside bars
-    "control": 14_345,  # policies, names of wrong starts, margins of stiffness, start errors of stiff members
+    "control": 14_450,  # margins of stiffness, start errors of stiff members, doubts of units, steps in time
     "export": 3_300,  # bodies
     "learning": 2_150,  # environments; derivatives
     "live": 1_300,

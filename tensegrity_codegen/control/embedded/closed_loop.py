@@ -7,6 +7,7 @@ import math
 import os
 import re
 import tempfile
+import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -238,7 +239,9 @@ class CompiledLoop:
     def run(self, draw: LoopStart, count: int, simulated: ActuatorBounds | None = None) -> ControlRun:
         """Return the run of a draw over so many samples; several threads may call it at the same time."""
         arrays, alive, loop = self._prepare(draw, count, simulated or self.parts.bounds)
+        began = time.thread_time()  # of this thread alone: of other work on the machine it knows nothing
         getattr(self._library, self._source.function)(self._functions, loop)
+        cost = time.thread_time() - began
         del alive  # memory that the loop points to
         status = ESTIMATE_LOST if loop.is_lost else STATUS[loop.plant_status]
         if status not in ("ok", ESTIMATE_LOST, *ENDINGS):
@@ -247,7 +250,7 @@ class CompiledLoop:
             )
         done, statuses = int(loop.n_done), tuple(CONTROL_STATUS)
         estimates = np.hstack([arrays["estimate"][:done], arrays["disturbance"][:done]])
-        return build_run(
+        run = build_run(
             self.model,
             self.parts.motion,
             self.parts.sample,
@@ -260,6 +263,7 @@ class CompiledLoop:
             word=status,
             yielding=self._read_yielding(arrays, done),
         )
+        return replace(run, sample_cost=cost / max(done, 1))
 
     def _read_yielding(self, arrays: dict[str, NDArray[Any]], done: int) -> NDArray[np.bool_] | None:
         """Return the members whose least tension yields, (n_samples, n_members)."""
@@ -301,7 +305,7 @@ class CompiledLoop:
         if self.parts.distribution is not None:
             filled["yields"] = np.zeros((count, len(self.parts.distribution.cables.driven)), dtype=np.intc)
         # Its inputs, and its memory for work.
-        time, load = _tabulate_loads(self.model, draw)
+        changes, load = _tabulate_loads(self.model, draw)
         largest = max((int(np.prod(function.shape)) for function in manifest.functions), default=1)
         memory = {
             "start": np.concatenate([draw.state, draw.given.get("internal", np.zeros(0))]),
@@ -311,7 +315,7 @@ class CompiledLoop:
             "delay_samples": back.astype(np.intc),
             "most_change": np.where(is_slow, simulated.rate * sample, np.inf),
             "applied": start.copy(),
-            "change_time": time,
+            "change_time": changes,
             "load": load,
             "work": np.zeros(self._spec.work_size),
             "values": np.zeros(largest),
@@ -326,7 +330,12 @@ class CompiledLoop:
             array = _read_argument(self.model, draw, name)
             setattr(getattr(loop, "with"), name, ffi.from_buffer("double[]", array))
             alive.append(array)
-        loop.count, loop.n_changes, loop.n_arrivals, loop.n_before = count, len(time), len(arrivals), before
+        loop.count, loop.n_changes, loop.n_arrivals, loop.n_before = (
+            count,
+            len(changes),
+            len(arrivals),
+            before,
+        )
         controller = ffi.new(f"{self.parts.name}_control *")
         loop.controller = controller
         alive.append(controller)

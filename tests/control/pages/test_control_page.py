@@ -16,6 +16,7 @@ from tensegrity_codegen.control.feedback.study.control_study import (
     ControlStudy,
     LoopResult,
     RunMeasures,
+    find_long_steps,
     find_low_tensions,
 )
 from tensegrity_codegen.control.feedback.study.stated_errors import RandomGust, StatedErrors
@@ -218,3 +219,15 @@ def test_the_largest_of_the_least_tensions_is_the_limit() -> None:
     assert find_least_bound(np.array([-np.inf, 1.0, 3.0])) == 3.0
     assert find_least_bound(np.array([-np.inf])) == -math.inf
     assert find_least_bound(np.zeros(0)) == -math.inf
+
+
+def test_a_step_that_takes_longer_than_half_a_sample_is_stated() -> None:
+    loops: Any = {
+        name: SimpleNamespace(run=SimpleNamespace(sample_cost=cost))
+        for name, cost in (("open", 0.001), ("true_state", 0.021), ("estimator", 0.02))
+    }
+    (text,) = find_long_steps(loops, 0.005, is_mpc=True)
+    assert "about 20 ms on this machine, and a sample is 5 ms: it cannot run in time" in text
+    assert find_long_steps(loops, 0.05, is_mpc=True) == ()
+    loops["open"].run.sample_cost = math.nan
+    assert find_long_steps(loops, 0.005, is_mpc=True) == ()

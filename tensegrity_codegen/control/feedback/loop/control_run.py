@@ -78,6 +78,8 @@ class ControlRun(Summarised):
     slip : ndarray, shape (n_t, n_contacts) [m], or None
         How far the points have moved where feet stick; zero for those that are open at the start. None
         without friction.
+    sample_cost : float [s]
+        Processor time of a sample of controller and model, of loops in C; nan in Python.
     """
 
     status: str
@@ -98,6 +100,7 @@ class ControlRun(Summarised):
     yielding: NDArray[np.bool_] | None = None
     warnings: tuple[str, ...] = ()
     slip: FloatArray | None = None
+    sample_cost: float = np.nan
 
     def __post_init__(self) -> None:
         freeze_fields(self)
@@ -137,7 +140,9 @@ class ControlRun(Summarised):
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays by name, with the names of actuators, coordinates and members."""
-        values = {name: value for name, value in vars(self).items() if name != "warnings"}
+        values = {
+            name: value for name, value in vars(self).items() if name not in ("warnings", "sample_cost")
+        }
         return {name: np.asarray(value) for name, value in values.items() if value is not None}
 
 

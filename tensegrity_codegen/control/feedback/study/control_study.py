@@ -31,6 +31,7 @@ OPEN = "open"
 LOOPS = (OPEN, "true_state", "estimator")
 MIN_WORSE = 0.1  # of the tolerance, by which a closed loop may end further away than the open loop
 LITTLE_GAIN = 0.5  # of the error of the open loop: with more left, feedback gains little
+LONG_STEP = 0.5  # of a sample, that a step of the controller may take on this machine
 LOOP_NAMES = {OPEN: "open loop", "true_state": "true state", "estimator": "estimator"}
 
 
@@ -280,6 +281,7 @@ class ControlStudy:
             *find_warnings(self.loops, self.tuning.tolerance),
             *find_margin_warnings(self.margins, self.bounds, self.gains.sample),
             *find_low_tensions(self.loops, self.limits),
+            *find_long_steps(self.loops, self.gains.sample, is_mpc=self.mpc is not None),
             *self._describe_slow_errors(),
         )
 
@@ -423,6 +425,25 @@ def find_low_tensions(loops: Mapping[str, LoopResult], limits: Limits) -> tuple[
                 + (f", below the least tension of {bound:g} N" if low < bound else "")
             )
     return tuple(sentences)
+
+
+def find_long_steps(loops: Mapping[str, LoopResult], sample: float, *, is_mpc: bool) -> tuple[str, ...]:
+    """Return a sentence if a step of the controller in C takes more than half of a sample on this machine."""
+    # The loop without feedback costs what the model costs.
+    cost = [loop.run.sample_cost - loops[OPEN].run.sample_cost for loop in loops.values()]
+    longest = float(np.max(cost))
+    if not longest > LONG_STEP * sample:  # nan in Python
+        return ()
+    remedy = (
+        "a longer sample, a shorter horizon, fewer blocks or softer bars make"
+        if is_mpc
+        else "a longer sample makes"
+    )
+    return (
+        f"a step of the controller takes about {1000 * longest:.3g} ms on this machine, and a sample is "
+        f"{1000 * sample:.3g} ms: it {'cannot run' if longest > sample else 'hardly runs'} in time; {remedy} "
+        "that possible",
+    )
 
 
 def find_warnings(loops: Mapping[str, LoopResult], tolerance: float) -> tuple[str, ...]:
