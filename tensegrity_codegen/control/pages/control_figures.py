@@ -158,15 +158,16 @@ def build_tensions(study: ControlStudy, model: CompiledModel) -> Iterator[Sectio
     stated = study.mpc or study.distribution
     if stated is not None:
         limit = np.maximum(limit, stated.least_tension[cables])
-    values = np.unique(limit[np.isfinite(limit)])[:2].tolist()
+    most = structure.limits.most_tension[cables]
+    stated_limits = (("least", limit), ("largest", most))
+    bounds = {name: np.unique(values[np.isfinite(values)])[:2] for name, values in stated_limits}
     figures = []
     for extreme, pick in (("least", np.min), ("largest", np.max)):
         picked = {
             name: pick(loop.run.member_tension[:, cables], axis=1) for name, loop in study.loops.items()
         }
         series = _draw_loops(study, picked)
-        bounds = values if extreme == "least" else []
-        marks = tuple((float(value), f"limit: least tension {value:g} N") for value in bounds)
+        marks = tuple((float(value), f"limit: {extreme} tension {value:g} N") for value in bounds[extreme])
         diagram = Diagram(TIME, f"{extreme} tension [N]", series, horizontal=marks, vertical=_marks(study))
         caption = f"The {extreme} tension of the cables."
         figures.append(diagram_figure(f"tension-{extreme}", diagram, caption, caption))

@@ -245,8 +245,9 @@ def _judge_loops(study: ControlStudy) -> Table:
             )
             for (what, unit, spec), values in rows.items()
         ),
-        "Judged before anything is simulated. A dash: more than ten samples of delay, a factor above 11, any "
-        "factor, or no noise. The simulated distance contains all errors.",
+        "Judged before anything is simulated. A dash: more than ten samples of delay, a factor above 11, "
+        "stiffnesses that are more than 10 % off, a factor without bound, or no noise. The simulated "
+        "distance contains all errors.",
     )
 
 

@@ -16,6 +16,7 @@ from tensegrity_codegen.control.feedback.study.control_study import (
     ControlStudy,
     LoopResult,
     RunMeasures,
+    find_high_tensions,
     find_long_steps,
     find_low_tensions,
 )
@@ -231,3 +232,37 @@ def test_a_step_that_takes_longer_than_half_a_sample_is_stated() -> None:
     assert find_long_steps(loops, 0.05, is_mpc=True) == ()
     loops["open"].run.sample_cost = math.nan
     assert find_long_steps(loops, 0.005, is_mpc=True) == ()
+
+
+def test_tensions_above_their_limit_on_the_way_are_stated() -> None:
+    run = SimpleNamespace(
+        member_name=("c1", "c2"),
+        time=np.array([0.0, 0.1]),
+        member_tension=np.array([[450.0, 9.0], [20.0, 9.0]]),
+    )
+    loops: Any = {name: SimpleNamespace(run=run, broken={}) for name in ("open", "true_state")}
+    limits = Limits(most_tension=np.array([400.0, np.inf]))
+    (text,) = find_high_tensions(loops, limits)
+    assert text == "true state: c1 has 450 N at 0 s, above the largest tension of 400 N"
+    assert find_high_tensions(loops, Limits(most_tension=np.array([500.0, np.inf]))) == ()
+    assert find_high_tensions(loops, Limits()) == ()
+
+
+def test_an_error_of_the_start_as_large_as_the_structure_is_doubted() -> None:
+    study, page = study_prism()
+    wrong = replace(study, errors=StatedErrors(start_error=3.0))
+    assert "is it 3mm?" in " ".join(wrong.warnings)
+    assert "is it" not in " ".join(study.warnings)
+    design = next(section for section in page.chapters[0].sections if section.anchor == "design")
+    assert "stiffnesses that are more than 10 % off" in design.blocks[1].note  # type: ignore[union-attr]
+
+
+def test_the_largest_tension_has_the_line_of_its_limit() -> None:
+    study, _ = study_prism()
+    model = build_prism()
+    assert model.structure is not None
+    most = np.full(model.structure.n_members, 70.0)
+    limited = model.structure.with_changes(limits=replace(model.structure.limits, most_tension=most))
+    with mock.patch.object(model, "structure", limited):
+        (section,) = control_figures.build_tensions(study, model)
+    assert section.blocks[1].data["horizontal"] == [[70.0, "limit: largest tension 70 N"]]  # type: ignore[union-attr]

@@ -31,6 +31,7 @@ OPEN = "open"
 LOOPS = (OPEN, "true_state", "estimator")
 MIN_WORSE = 0.1  # of the tolerance, by which a closed loop may end further away than the open loop
 LITTLE_GAIN = 0.5  # of the error of the open loop: with more left, feedback gains little
+DOUBTFUL_PART = 0.2  # of the size of the structure: an error of the start above it may be in other units
 LONG_STEP = 0.5  # of a sample, that a step of the controller may take on this machine
 LOOP_NAMES = {OPEN: "open loop", "true_state": "true state", "estimator": "estimator"}
 
@@ -281,9 +282,21 @@ class ControlStudy:
             *find_warnings(self.loops, self.tuning.tolerance),
             *find_margin_warnings(self.margins, self.bounds, self.gains.sample),
             *find_low_tensions(self.loops, self.limits),
+            *find_high_tensions(self.loops, self.limits),
+            *self._doubt_unit(),
             *find_long_steps(self.loops, self.gains.sample, is_mpc=self.mpc is not None),
             *self._describe_slow_errors(),
         )
+
+    def _doubt_unit(self) -> list[str]:
+        """Return a sentence if the stated error of the start is a large part of the structure."""
+        error, size = self.errors.start_error or 0.0, self.tuning.scales.size
+        if error <= DOUBTFUL_PART * size:
+            return []
+        return [
+            f"start_error is {error:g} m, and the structure is {size:.3g} m large: lengths without a unit "
+            f"are in m, is it {error:g}mm?"
+        ]
 
     def _describe_slow_errors(self) -> list[str]:
         """Return a sentence if errors are compared before the slowest one has decayed."""
@@ -423,6 +436,25 @@ def find_low_tensions(loops: Mapping[str, LoopResult], limits: Limits) -> tuple[
                 + ("goes slack" if low <= 0.0 else f"falls to {low:.3g} N")
                 + " on the way"
                 + (f", below the least tension of {bound:g} N" if low < bound else "")
+            )
+    return tuple(sentences)
+
+
+def find_high_tensions(loops: Mapping[str, LoopResult], limits: Limits) -> tuple[str, ...]:
+    """Return a sentence for each loop with feedback whose tensions exceed a limit on the way, worst draw."""
+    sentences = []
+    for name, loop in loops.items():
+        if name == OPEN or not np.isfinite(limits.most_tension).any() or "most_tension" in loop.broken:
+            continue
+        tension = loop.run.member_tension
+        excess = tension - (limits.most_tension + ROUNDING * np.abs(limits.most_tension))
+        row, worst = np.unravel_index(int(excess.argmax()), excess.shape)
+        if excess[row, worst] > 0.0:
+            others = int((excess.max(axis=0) > 0.0).sum()) - 1
+            sentences.append(
+                f"{LOOP_NAMES[name]}: {loop.run.member_name[worst]} has {tension[row, worst]:.4g} N at "
+                f"{loop.run.time[row]:.3g} s, above the largest tension of {limits.most_tension[worst]:g} N"
+                + (f"; {others} other member{'s' * (others > 1)} too" if others else "")
             )
     return tuple(sentences)
 

@@ -80,7 +80,7 @@ class StatedErrors:
         By how much each coordinate is off at the start, as the displacement of a node; its sign is drawn. By
         default a hundredth of the longest side of the box around the nodes, and at most a tenth of the
         shortest rigid bar or distance of corners of a body; a member that it would load by ten times the
-        largest force at rest is loaded by that force alone.
+        largest force at rest, or beyond its `most_tension`, is loaded by no more than these.
     start_angle : float, optional [rad]
         The same of coordinates that are angles, in place of `start_error`.
     stiffness_error : float
@@ -254,13 +254,15 @@ def _spare_stiff_members(
 
     resting, steps = load(np.zeros(len(scales.lever))), PROBED_PART * scales.size * np.eye(len(scales.lever))
     slope = np.array([load(step) - load(-step) for step in steps]).T / (2 * PROBED_PART * scales.size)
+    most = np.inf if model.structure is None else model.structure.limits.most_tension[elastic]
+    room = np.maximum(most - resting, 0.0)  # how much more tension limits permit
     spared = []
     for errors in drawn if largest > 0.0 else ():
         way, stiff = errors.coordinate * scales.lever, np.zeros(len(resting), dtype=bool)
         for _ in range(MAX_CORRECTIONS):
-            stiff |= np.abs(slope @ way) > STIFF * largest
-            added = (load(way) - resting)[stiff]
-            excess = added - np.clip(added, -largest, largest)
+            added = load(way) - resting
+            stiff |= (np.abs(slope @ way) > STIFF * largest) | (added > room)
+            excess = (added - np.clip(added, -largest, np.minimum(room, largest)))[stiff]
             if not excess.any():
                 break
             way = way - np.linalg.lstsq(slope[stiff], excess, rcond=PROBED_PART)[0]

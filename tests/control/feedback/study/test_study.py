@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -168,6 +169,23 @@ def test_default_start_errors_hardly_strain_stiff_bars() -> None:
                 raw = draw_errors(model, stated, scales, 0, k)
                 np.testing.assert_array_equal(errors.coordinate, raw.coordinate)
                 assert np.abs(more).max() > 100 * rest
+
+
+def test_default_start_errors_keep_to_the_largest_tensions() -> None:
+    """Cables whose limit is a tenth above their tension at rest begin below it."""
+    model = compile_scene(EXAMPLES / "prism12.toml", for_=("equilibrium", "control"))
+    structure, held = model.structure, find_reference(model, find_equilibrium(model), 2.0, None)
+    assert structure is not None
+    rest, scales = held.member_tension[0], find_scales(model, held, {})
+    most = np.where(structure.is_bar, np.inf, 1.1 * rest)
+    largest = []
+    for limits in (structure.limits, replace(structure.limits, most_tension=most)):
+        with mock.patch.object(model, "structure", structure.with_changes(limits=limits)):
+            drawn = draw_all_errors(model, held, StatedErrors(), scales, Draws(3))
+        q = [held.coordinate[0] + errors.coordinate for errors in drawn]
+        largest.append(np.max([model.compute("member_tension", coordinate=row) / most for row in q]))
+    assert largest[0] > 1.2
+    assert largest[1] <= 1.001
 
 
 def test_default_start_errors_of_soft_members_are_a_hundredth_of_the_size(
