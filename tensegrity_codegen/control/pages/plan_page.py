@@ -272,7 +272,8 @@ def _binding(plan: PlanResult) -> Section:
             Column("progress for a unit", "% per N, m or N/m"),
         )
         summary = f"blocked at {format_short(100 * plan.block.progress)} % of the way"
-        blocks.append(Table("Where the path is blocked", heads, gained))
+        note = "First what gains most where it is eased by one per cent of the limit."
+        blocks.append(Table("Where the path is blocked", heads, gained, note))
     return Section("binding", "", "What binds", "plain", summary, tuple(blocks))
 
 

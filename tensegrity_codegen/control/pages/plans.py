@@ -88,10 +88,9 @@ def binding_table(plan: PlanResult, name: str) -> LongTable | None:
         value, gained = f"{item.bound:.6g} {item.unit}", f"{item.multiplier:.4g} {unit}"
         return LIMIT_WORDS[item.limit], item.name, value, gained
 
-    order = rank_rows([-abs(item.multiplier) for item in binding])
     return LongTable(
         f"{name}: limits that bind", ("limit", "of", "value", "progress for a unit"), "ffrr", len(binding),
-        describe, "limits", (("most progress for a unit", order),),
+        describe, "limits", (("most progress for one per cent of the limit", list(range(len(binding)))),),
     )  # fmt: skip
 
 

@@ -159,10 +159,13 @@ def plan(
     _check_start(plan_model, bounds, start.at)
     bounds = keep_taut(bounds, start.at, np.asarray(plan_model.structure.tension_only))
     _check_held(plan_model, bound, start.at)
+    begun = bound.evaluate(plan_model.problem(start.at.change), start.at.coordinate)
+    size = float(np.ptp(start.at.position, axis=0).max(initial=0.0))
+    warnings = (*start.warnings, *bound.doubt_units(begun, size))
     # The proof that there is no plan, or a path and its times.
     proof = _find_proof(plan_model, bounds, bound, start.at)
     if proof is not None:
-        return record_infeasible(plan_model, bound, start.at, *proof)
+        return replace(record_infeasible(plan_model, bound, start.at, *proof), warnings=warnings)
 
     def build_path(
         targets: Targets = bound,
@@ -179,7 +182,7 @@ def plan(
     path, branches, cover = find_path(build_path, max_steps, progress, attempts, seed, prove)
     change = np.array([point.at.change for point in path.points])
     time = compute_times(change, actuation.rate, duration, actuation.names)
-    result = record_path(plan_model, path, time, start.warnings, branches)
+    result = record_path(plan_model, path, time, warnings, branches)
     if cover is None:
         return result
     message = f"{cover.message}. The furthest path ends {result.message.removesuffix(ANOTHER_PATH)}"

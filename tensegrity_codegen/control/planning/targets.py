@@ -15,11 +15,13 @@ from tensegrity_codegen.runtime.simulate.condition import Expression, build_expr
 from tensegrity_codegen.runtime.statics.static_problem import StaticProblem
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, TensegrityError
+from tensegrity_codegen.tables.quantities import QUANTITIES
 
 MovedBy = Callable[[int, float], tuple[StaticProblem, FloatArray]]
 
 Value = TypeVar("Value")
 
+LENGTHS_OF_MODEL = {"node_position", "member_length", "member_extension", "bar_distance"}
 STEP = 1e-6  # of the size of the nodes of a shape parameter
 
 
@@ -40,6 +42,16 @@ class BoundTarget:
     def names(self) -> tuple[str, ...]:
         """Names of the components."""
         return tuple(f"{self.text}.{component}" if component else self.text for component in self.components)
+
+    @property
+    def is_length(self) -> bool:
+        """Whether the values are lengths or places [m]."""
+        if self.shape is not None:
+            return self.unit == "m"
+        names = {
+            node.id for node in ast.walk(ast.parse(rewrite(self.text).strip())) if isinstance(node, ast.Name)
+        }
+        return names & set(QUANTITIES) <= LENGTHS_OF_MODEL
 
     def evaluate(self, problem: StaticProblem, coordinate: FloatArray) -> FloatArray:
         """Return the values, one for each component; NonFiniteError if one is not finite."""
@@ -91,6 +103,20 @@ class Targets:
     def goal(self) -> FloatArray:
         """Values to reach, (n_targets,)."""
         return np.concatenate([np.zeros(0), *(target.goal for target in self.parts)])
+
+    def doubt_units(self, value: FloatArray, size: float) -> list[str]:
+        """Return a sentence for each place or length whose goal is farther away than a structure is large."""
+        row, sentences = 0, []
+        for target in self.parts:
+            end = row + len(target.components)
+            far = np.abs(target.goal - value[row:end]) > size
+            for k in np.flatnonzero(far) if target.is_length else ():
+                sentences.append(
+                    f"target {target.names[k]} is {target.goal[k]:g} m, farther away than the structure is "
+                    f"large ({size:.3g} m): numbers are in m, is it {target.goal[k]:g} mm?"
+                )
+            row = end
+        return sentences
 
     def slopes(self, position: FloatArray, node_slope: FloatArray, moved: MovedBy, step: float) -> FloatArray:
         """Return the derivatives of all components along k directions, (n_targets, k)."""

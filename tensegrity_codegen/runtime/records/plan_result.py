@@ -133,7 +133,7 @@ class Block:
         Most progress that a further step of the size of the trust region could make, with all limits
         linearised; nan if that is not known.
     binding : tuple of Binding
-        Limits that bind there, by their multipliers.
+        Limits that bind there, first those that gain most where they are eased by one per cent.
     reason : str
         A sentence.
     fewest : tuple of (str, str)

@@ -36,6 +36,7 @@ from tensegrity_codegen.system.errors import (
     NonFiniteError,
     UnknownNameError,
     name_list,
+    suggest,
 )
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.tables.quantities import QUANTITIES
@@ -188,6 +189,7 @@ class _Translator:
             where=WHERE,
             given=shorten_part(node),
             allowed=name_list(names, 20) or f"0 to {size - 1}",
+            hint=suggest(value, names) if isinstance(value, str) and names else "",
         )
 
     def _names(self, quantity: str, axis: int) -> tuple[str, ...]:

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.cli.verbs.examples import list_examples
-from tensegrity_codegen.control.pages.plans import describe_plan
+from tensegrity_codegen.control.pages.plans import binding_table, describe_plan
 from tensegrity_codegen.control.planning.plan import plan
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.records.plan_result import Contradiction, PlanResult
+from tensegrity_codegen.runtime.records.plan_result import Binding, Contradiction, PlanResult
 from tensegrity_codegen.scene.shapes.selfstress import equilibrium_matrix
 from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.structure import Structure
@@ -136,6 +136,36 @@ def test_the_multiplier_is_the_progress_for_a_unit_of_the_limit() -> None:
     gained = 0.01 * sum(item.multiplier for item in found.block.binding)
     eased = find_blocked(limit(structure, least=0.99), "twist=165")
     assert eased.progress[-1] - found.progress[-1] == pytest.approx(gained, rel=0.01)
+
+
+def test_places_and_lengths_far_away_may_be_in_millimetres(model: CompiledModel) -> None:
+    for target in ("height=270", 'member_length["vertical1"]=270'):
+        (text,) = plan(model, target, attempts=0, max_steps=1).warnings
+        assert "is 270 m, farther away than the structure is large" in text
+        assert text.endswith("is it 270 mm?")
+    for target in ("twist=165", 'member_tension["vertical1"]=20', "height=270mm"):
+        assert plan(model, target, attempts=0, max_steps=1).warnings == ()
+
+
+def test_the_nearest_node_is_suggested(model: CompiledModel) -> None:
+    with pytest.raises(UnknownNameError) as caught:
+        plan(model, "t11.z=0.3")
+    assert caught.value.hint == "did you mean 't1'?"
+
+
+def test_limits_are_listed_by_what_one_per_cent_of_them_gains() -> None:
+    """A multiplier of 1/m is larger than one of 1/N, and says less."""
+    binding = (
+        Binding("most_tension", "a", 400.0, 0.0, "N", 1e-5),
+        Binding("range", "b", 0.01, 0.0, "m", 3e-3),
+    )
+    found = find_blocked(limit(actuate(PRISM, "vertical")), "twist=165")
+    assert found.block is not None
+    gains = [item.multiplier * item.bound for item in found.block.binding]
+    assert gains == pytest.approx(sorted(gains, reverse=True), rel=1e-5)
+    table = binding_table(replace(found, block=replace(found.block, binding=binding)), "prism")
+    assert table is not None
+    assert table.ranking == (("most progress for one per cent of the limit", [0, 1]),)
 
 
 def test_a_target_that_nothing_moves_is_named() -> None:
