@@ -36,6 +36,7 @@ from tensegrity_codegen.system.version import VERSION
 
 N_SHAPES = 4  # pictures of the path
 MAX_LINES = 6  # in a diagram
+MAX_LETTERS = 24  # of a name in a legend of two columns
 SIGNS = "Tensions are positive, compressions negative."
 PROGRESS = "progress [%]"
 
@@ -224,7 +225,11 @@ def _clearance(plan: PlanResult, limits: Limits) -> Section:
     ]
     bound = 1000 * limits.clearance
     marks = ((bound, f"limit: clearance {format_short(bound)} mm"),) if math.isfinite(bound) else ()
-    diagram = Diagram(PROGRESS, "distance between bars [mm]", series, horizontal=marks, legend_columns=2)
+    longest = max(map(len, plan.bar_pair_name))
+    columns = 2 if longest <= MAX_LETTERS else 1
+    diagram = Diagram(
+        PROGRESS, "distance between bars [mm]", series, horizontal=marks, legend_columns=columns
+    )
     summary = f"least distance {format_short(1000 * float(plan.bar_distance.min()))} mm"
     caption = "Distances between the surfaces of the nearest bars."
     figure = joined_figure("clear", diagram, caption, summary)

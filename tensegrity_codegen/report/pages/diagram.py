@@ -188,12 +188,13 @@ def _draw_marks(axes: "Axes", diagram: Diagram) -> None:
             text, (1.0, value), xycoords=("axes fraction", "data"), xytext=(-3, 3), ha="right", va="bottom",
             textcoords="offset points", fontsize=TEXT_SIZE - 1, color=MUTED, bbox=BEHIND, zorder=5,
         )  # fmt: skip
-    for value, text in diagram.vertical:
+    for row, (value, text) in enumerate(sorted(diagram.vertical, reverse=True)):
+        place = (axes.transData - axes.transAxes).transform((value, axes.get_ylim()[0]))[0]
         axes.axvline(value, color=MUTED, linewidth=1.0, linestyle=DASHES["dotted"], zorder=2)
         axes.annotate(
-            text, (value, 1.0), xycoords=("data", "axes fraction"), xytext=(-3, -3), ha="right", va="top",
-            textcoords="offset points", fontsize=TEXT_SIZE - 1, color=MUTED, rotation=90, bbox=BEHIND,
-            zorder=5,
+            text, (value, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 2 + 11 * row),
+            ha="left" if place < 0.5 else "right", va="bottom",
+            textcoords="offset points", fontsize=TEXT_SIZE - 1, color=MUTED, zorder=5,
         )  # fmt: skip
 
 

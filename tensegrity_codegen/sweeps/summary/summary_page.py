@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from tensegrity_codegen.analyses.cases.registry import ANALYSES
 from tensegrity_codegen.report.number_text import format_number
 from tensegrity_codegen.report.pages.page import (
     Block,
@@ -26,6 +27,7 @@ from tensegrity_codegen.sweeps.summary.figures import (
     draw_scatter,
 )
 from tensegrity_codegen.sweeps.summary.finding import describe_finding, describe_lead
+from tensegrity_codegen.sweeps.summary.results import SweepResults
 from tensegrity_codegen.sweeps.summary.statistics import Indices, describe_distribution, is_difference_clear
 from tensegrity_codegen.sweeps.summary.summary import ResultSummary, SweepSummary
 from tensegrity_codegen.system.summaries import describe_count
@@ -146,12 +148,21 @@ def _varied(summary: SweepSummary) -> Section:
     method = METHODS.get(results.method, results.method)
     finding = f"{describe_count(len(results.keys), 'key')}: {method}{seed}"
     blocks: list[Block] = [Table("Keys", columns, tuple(rows))] if rows else []
-    options = ", ".join(
-        f"{name} {value}" for name, value in results.options.items() if value not in (None, "")
-    )
+    options = " ".join(_list_options(results))
     if options:
-        blocks.append(Paragraph(f"Options of {results.operation}: {options}."))
+        blocks.append(Paragraph(f"Options of {results.operation} that are no defaults: {options}"))
     return Section("varied", "", "What varied", "plain", finding, tuple(blocks))
+
+
+def _list_options(results: SweepResults) -> Iterator[str]:
+    """Yield the options of a sweep that differ from their defaults, as words of its command line."""
+    kind = ANALYSES.get(results.operation)
+    for option in () if kind is None else kind.list_sweep_options():
+        value = results.options.get(option.name, option.default)
+        if value in (None, "", option.default):
+            continue
+        word = f"--{option.argument.replace('_', '-')}"
+        yield word if option.flag is not None else f"{word} {value}"
 
 
 def _distributions(summary: SweepSummary) -> Iterator[Section]:
@@ -239,9 +250,13 @@ def _worst(summary: SweepSummary) -> Iterator[Section]:
         )
         for case in summary.worst
     )  # fmt: skip
+    kind = ANALYSES.get(summary.results.operation)
+    apart = ", from the scene as it was, to which the controller belongs" if kind and kind.needs_scene else ""
     blocks: list[Block] = [
         Table("Failed cases, and cases with extreme results", columns, rows),
-        Paragraph("These commands write the scene of each case and run it alone:"),
+        Paragraph(
+            f"Of each case, the first command writes the scene; the second runs the case alone{apart}:"
+        ),
         *(Command("\n".join(case.commands)) for case in summary.worst),
     ]
     finding = f"{describe_count(len(rows), 'case')}, each with the commands that run it alone"

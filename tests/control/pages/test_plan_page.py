@@ -4,11 +4,12 @@ import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pytest
 
-from tensegrity_codegen.control.pages.plan_page import build_plan_page
+from tensegrity_codegen.control.pages.plan_page import _clearance, build_plan_page
 from tensegrity_codegen.control.pages.plans import describe_plan_finding
 from tensegrity_codegen.control.planning.plan import plan
 from tensegrity_codegen.report.pages.page import Figure, Page, render_page
@@ -191,3 +192,12 @@ def test_an_impossible_target_names_the_contradiction() -> None:
         say(plan) == "No plan exists: member_tension[c1] needs 0.5 N of c1, the limit (least tension) is 1 N"
     )
     assert say(replace(plan, certificate=None)) == "No plan exists"
+
+
+def test_long_names_of_bars_stand_below_each_other() -> None:
+    structure = limit(actuate(build_prism(155.0)))
+    found = plan(compile_plan(structure), "twist=156", steps=1)
+    for names, columns in ((found.bar_pair_name, 2), (("boom_strut_of_the_lower_stage",) * 3, 1)):
+        with mock.patch("tensegrity_codegen.control.pages.plan_page.joined_figure") as draw:
+            _clearance(replace(found, bar_pair_name=names), structure.limits)
+        assert draw.call_args.args[1].legend_columns == columns

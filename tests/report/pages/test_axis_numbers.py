@@ -56,3 +56,17 @@ def test_short_numbers_of_sentences() -> None:
         *("2.46", "0", "−0.523", "1,234", "99,999", "2.5 × 10⁷", "4.79 × 10⁻⁵", "1,000", "–", "–"),
     ]
     assert format_short(165.004, 4) == "165"
+
+
+def test_texts_of_vertical_marks_stand_above_the_axes_in_rows() -> None:
+    from tensegrity_codegen.report.pages.diagram import Diagram, Series, draw_diagram
+
+    marks = ((0.5, "end of motion"), (0.4, "gust"))
+    figure = draw_diagram(Diagram("x", "y", [Series("", [0.0, 3.0], [1.0, 2.0])], vertical=marks))
+    figure.draw_without_rendering()
+    (axes,) = figure.axes
+    boxes = [text.get_window_extent() for text in axes.texts]
+    assert len(boxes) == 2
+    assert min(box.y0 for box in boxes) >= axes.get_window_extent().y1
+    assert max(box.y1 for box in boxes) <= figure.bbox.y1
+    assert not boxes[0].overlaps(boxes[1])

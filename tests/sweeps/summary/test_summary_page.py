@@ -176,3 +176,12 @@ def test_in_a_browser(tmp_path: Path, name: str) -> None:
     path = tmp_path / "page.html"
     path.write_text(render_page(page_of(name)), encoding="utf-8")
     check_in_browser(path, [f"{MAKERS[name]().count:,}"])
+
+
+def test_options_are_words_of_the_command_line_without_defaults() -> None:
+    options = {"sample_time": 0.005, "mpc": False, "only_observable": True, "t_end": 1.0, "effort": None}
+    made = replace(MAKERS["sample"](), operation="control", options=options)
+    (section,) = [item for item in build_summary_page(summarize(made), COMMAND).chapters[0].sections
+                  if item.anchor == "varied"]  # fmt: skip
+    (text,) = [block.text for block in section.blocks if isinstance(block, Paragraph)]
+    assert text == "Options of control that are no defaults: --only-observable --t-end 1.0"
