@@ -15,6 +15,9 @@ from tensegrity_codegen.tables.body_places import BodyPlace
 from tensegrity_codegen.tables.manifest import count_internal
 from tensegrity_codegen.tables.quantities import find_quantity
 
+# The state of formulation `node_position`.
+OF_NODES = ("node_position", "node_velocity")
+
 
 @dataclass(frozen=True)
 class ModelArgument:
@@ -149,6 +152,12 @@ class SymbolicModel:
         """Return the expression of `quantity`."""
         find_quantity(quantity)
         if quantity not in self._builders:
+            if quantity in OF_NODES and self.formulation in OF_NODES:
+                raise FormulationError(
+                    f"formulation {self.formulation!r} does not compute this: it is its state",
+                    where="model.quantities", given=quantity,
+                    hint="leave it out: positions and velocities of nodes are in every result",
+                )  # fmt: skip
             raise FormulationError(
                 f"formulation {self.formulation!r} has no quantity of that name",
                 where="model.quantities",

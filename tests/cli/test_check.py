@@ -208,3 +208,11 @@ def test_a_body_alone_is_checked(run: Run, folder: Path) -> None:
     stone = {"kind": "rigid", "mass": 1.0, "inertia": [0.1, 0.1, 0.1], "position": [0, 0, 1]}
     write_scene({"name": "stone", "bodies": {"stone": stone}}, folder / "stone.toml", overwrite=False)
     assert "stone: no mistake found; 1 body, 0 nodes, 0 bars, 0 cables" in run.good("check", "stone.toml").out
+
+
+def test_the_state_itself_is_no_quantity(run: Run, two_nodes: Path) -> None:
+    """Another formulation would be no remedy: results have the positions anyway."""
+    text = two_nodes.read_text()
+    stated = re.sub(r"quantities = .*\n", 'quantities = ["node_position"]\n', text)
+    ended = run.refused("check", write(two_nodes, stated), "--json")
+    assert ended.data["hint"].startswith("leave it out")

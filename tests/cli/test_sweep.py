@@ -292,3 +292,9 @@ def test_a_scheduler_that_is_not_there_is_named_after_the_wait(run: Run, two_nod
     ended = run.refused("sweep", two_nodes, "--do", "evaluate", "--over", "gravity[2]=1,2", *words)
     assert "dask scheduler" in ended.data["hint"]
     assert not Path("b.zarr").exists()
+
+
+def test_a_gust_is_a_key(run: Run, two_nodes: Path) -> None:
+    words = ("--do", "control", "--over", "gravity[2]=1,2", "--out", "g.zarr")
+    ended = run("sweep", two_nodes, *words, "--gust", "weight=10")
+    assert (ended.code, "gust.NODE[axis]" in ended.err) == (2, True)

@@ -181,6 +181,13 @@ class SweepCommand(VerbWithSubCommands):
 
     sub_commands: ClassVar = {"summary": summary, "case": case}
 
+    def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
+        """Read the words after the verb; gusts, an option of `control`, are keys here."""
+        if any(word.partition("=")[0] == "--gust" for word in args):
+            problem = "gusts are keys: --over 'gust.NODE[axis]=0:5:6', gust_time.start, gust_time.duration"
+            raise typer.BadParameter(problem, param_hint="--gust")
+        return super().make_context(info_name, args, parent, **extra)
+
 
 def sweep(
     scene: SceneArgument,
