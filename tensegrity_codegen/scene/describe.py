@@ -112,7 +112,9 @@ def describe_ground(subject: Subject, name_node: Callable[[int], str]) -> dict[s
     ground = subject.ground
     if ground is None:
         return {}
+    bodies = subject.bodies if isinstance(subject, Structure) else ()
     is_all = np.array_equal(ground.node, find_surface_nodes(subject, ground.normal))
+    is_all &= not any(np.isnan(body.point_radius).all() for body in bodies)  # of which "all" asks for one
     table: dict[str, Any] = {
         "normal": ground.normal.tolist(),
         "offset": float(ground.offset),

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tests.cli.conftest import Run, write_example
 
 
@@ -51,3 +52,40 @@ def test_simulation_linear_model_and_pictures(run: Run, folder: Path, lin_prism:
     assert len(linear["natural_frequency"]) == 6
     run.good("show", lin_prism, "--trajectory", "run.npz", "--out", "moved.png")
     assert (folder / "moved.png").stat().st_size > 10_000
+
+
+# A ball on the ground, and a lamp that touches nothing.
+LAMP = """\
+name = "lamp"
+gravity = [0, 0, -10]
+[nodes]
+hook = { position = [1, 0, 1], anchored = true }
+[members]
+cord = { kind = "cable", nodes = ["hook", "lamp.top"], spring_constant = 100, rest_length = 0.3, damping = 1 }
+[bodies.ball]
+kind = "rigid"
+mass = 1
+inertia = [0.001, 0.001, 0.001]
+position = [0, 0, 0.049]
+points = { middle = { position = [0, 0, 0], radius = 0.05 } }
+[bodies.lamp]
+kind = "rigid"
+mass = 0.1
+inertia = [0.001, 0.001, 0.001]
+position = [1, 0, 0.6]
+points = { top = [0, 0, 0.1] }
+[ground]
+stiffness = 1e4
+contacts = ["ball.middle"]
+"""
+
+
+@pytest.mark.parametrize("words", ["simulate --t-end 0.01 --scene-out", "equilibrium --out"])
+def test_written_scenes_keep_bodies_that_touch_nothing(run: Run, folder: Path, words: str) -> None:
+    (folder / "lamp.toml").write_text(LAMP)
+    verb, *options = words.split()
+    run.good(verb, "lamp.toml", *options, "written.toml")
+    run.good("check", "written.toml")
+    first, again = (load_scene(name)[0].ground for name in ("lamp.toml", "written.toml"))
+    assert first is not None
+    assert again == first

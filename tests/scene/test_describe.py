@@ -22,6 +22,7 @@ from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.body_scenes import EVERYTHING, assemble_document, example
 from tests.cases import draws
+from tests.free_body_cases import make_dropped_robot
 from tests.scene.samples import build, changed
 
 ROUND = changed("classes", "strut", to={"kind": "bar", "axial_stiffness": 2e5, "mass": 0.1, "radius": 0.01})
@@ -207,6 +208,19 @@ def test_all_contacts_and_radii_of_bars_are_written_as_words() -> None:
     structure, _ = build(changed("ground", to=table, base=ROUND_BARS))
     written = describe_structure(structure)["ground"]
     assert (written["contacts"], written["radius"]) == ("all", "bar")
+
+
+def test_contacts_stay_listed_where_a_body_touches_nothing() -> None:
+    document = make_dropped_robot()
+    for k in (1, 2):
+        points = document["bodies"][f"rod{k}"]["points"]
+        sharp = {name: point for name, point in points.items() if not isinstance(point, dict)}
+        document["bodies"][f"rod{k}"] |= {"points": sharp}
+    document["ground"]["contacts"] = ["rod0.low", "rod0.high"]
+    structure, request = build(document)
+    written = describe_structure(structure, request)
+    assert written["ground"]["contacts"] == ["rod0.low", "rod0.high"]
+    assert write_and_read(written) == structure.ground
 
 
 def test_other_radii_cannot_be_written() -> None:
