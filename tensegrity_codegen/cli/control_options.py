@@ -328,6 +328,16 @@ def check_build(code: CodeOptions, scene: Path, overwrite: bool) -> None:
         check_folder(code.build, inputs=[scene], overwrite=overwrite)
 
 
+def check_estimator(code: CodeOptions, options: "FeedbackOptions", subject: "Subject") -> None:
+    """Raise FormulationError for an estimator in C that is to know rigid bars or bodies."""
+    from tensegrity_codegen.control.feedback.design.linear_samples import refuse_rigid_bars
+    from tensegrity_codegen.structure.structure import Structure
+
+    if code.build is not None and options.estimator and subject.sensors and isinstance(subject, Structure):
+        hint = "--no-estimator, which takes the state as known: from motion capture, or an estimator of yours"
+        refuse_rigid_bars(int(subject.is_rigid.sum()), subject.name, "an estimator in C", hint)
+
+
 def write_controller(
     output: Output,
     study: "ControlStudy",

@@ -358,6 +358,12 @@ def test_rigid_bars_are_controlled(run: Run, folder: Path) -> None:
     assert "no estimator: all states are fed back" in page
     ends = {name: loop["end_error"]["largest"] for name, loop in ended.data["loops"].items()}
     assert ends["true_state"] < 0.7 * ends["open"]
+    sensor = '[[sensors]]\nkind = "member_length"\nmembers = "bd"\n'
+    rigid.write_text(rigid.read_text(encoding="utf-8") + sensor, encoding="utf-8")
+    refused = run.refused("control", rigid, "--build", "c")
+    assert "an estimator in C" in refused.err
+    assert "--no-estimator" in refused.err
+    assert "compil" not in refused.err
 
 
 @pytest.mark.parametrize(("t_end", "draws"), [(3, 1), *thorough((3, 2))])

@@ -14,6 +14,7 @@ from tensegrity_codegen.cli.control_options import (
     MotionOptions,
     StudyOptions,
     check_build,
+    check_estimator,
     check_motion_gusts,
     read_controlled,
     read_errors,
@@ -74,6 +75,7 @@ def control(
         # The motion, feedback about it, and its study.
         case = read_controlled(output, scene, stated, held.input, compiler)
         subject, arguments = case.subject, case.inputs
+        check_estimator(code, options, subject)
         errors = read_errors(study, subject.axes)
         check_motion_gusts(errors.gusts, study.t_end)
         model = case.build_library(subject, stated.request_model(case), MANY_CALLS).load()

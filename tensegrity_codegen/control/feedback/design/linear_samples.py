@@ -220,11 +220,16 @@ def invert_mass(model: CompiledModel, at: Mapping[str, Any]) -> FloatArray:
 
 def require_no_rigid_bars(model: Described, what: str, hint: str) -> None:
     """Raise FormulationError for rigid bars or bodies; what: names what does not know them."""
-    if model.manifest.rigid_bar:
+    refuse_rigid_bars(len(model.manifest.rigid_bar), model.manifest.name, what, hint)
+
+
+def refuse_rigid_bars(count: int, where: str, what: str, hint: str) -> None:
+    """Raise the error of `require_no_rigid_bars` where the number of rigid bars is not 0."""
+    if count:
         raise FormulationError(
             f"rigid bars and bodies are not supported here: {what}",
-            where=model.manifest.name,
-            given=f"{len(model.manifest.rigid_bar)} bars of constant length, those of bodies included",
+            where=where,
+            given=f"{count} bars of constant length, those of bodies included",
             allowed='"node_position" with bars that have a stiffness',
             hint=hint,
         )
