@@ -228,7 +228,7 @@ MAX_LINES = {
     "pipeline": 3_860,  # needs of derivatives; sizes of nearly singular shapes; weights of shapes found
     "report": 6_000,  # surfaces of bodies, pages of load paths and of equilibria with loads and sections
     "runtime": 22_325,  # bodies in motions and statics; turns onto feet
-    "scene": 13_600,  # rigid bodies with parts, and their import with reasons; doubts of units
+    "scene": 13_620,  # rigid bodies with parts, and their import with reasons; doubts of units
     "structure": 3_750,  # rigid bodies
     "studies": 7_900,
     "sweeps": 8_950,  # bodies

@@ -48,9 +48,8 @@ def import_mjcf(
     defaults = read_defaults(root, file)
     down = _read_gravity(root, defaults, file)
     network = Network(gravity=down if any(down) else None, parallel=True)
-    links = read_links(
-        root, defaults, read_compiler(root, defaults, file), _read_speeds(root, network, file), file
-    )
+    speeds, controls = _read_start(root, defaults, network, file)
+    links = read_links(root, defaults, read_compiler(root, defaults, file), speeds, file)
     places = {site: link.locate(site) for link in links for site in link.sites}
     tendons = read_tendons(root, defaults, network, places, file)
     ground, balls, notes = read_ground(root, defaults, links, down if gravity is None else gravity)
@@ -62,7 +61,7 @@ def import_mjcf(
     bars = [bar for bar in added if bar is not None]
     network.members = [*bars, *tendons]
     _couple(network, read_coupled_masses(root, defaults, file), down)
-    servos = read_actuators(root, defaults, network, links[0].frames, file)
+    servos = read_actuators(root, defaults, network, links, controls, file)
     _drop_loose(network, {element.get("tendon", "") for element in root.iterfind("actuator/*")}, file)
     if touching and ground is not None:
         network.ground = {**ground, "contacts": [place for place, _ in touching]}
@@ -108,8 +107,9 @@ def _drop_loose(network: Network, pulled: set[str], file: str) -> None:
 def _note_geoms(network: Network, links: Sequence[Link]) -> None:
     """Add the notes on meshes and contacts that are not read."""
     geoms = [(geom, link) for link in links for geom in link.geoms]
-    meshes = [geom.name or link.name for geom, link in geoms if geom.kind == "mesh"]
-    network.notes += [f"meshes are left out: {name_list(meshes, MAX_NAMED)}"] if meshes else []
+    for kind, what in (("mesh", "meshes"), ("ellipsoid", "pictures of ellipsoids")):
+        names = [geom.name or link.name for geom, link in geoms if geom.kind == kind]
+        network.notes += [f"{what} are left out: {name_list(names, MAX_NAMED)}"] if names else []
     note = "contacts are those with the ground: bodies do not touch each other"
     note = note if network.ground else "geoms are read for their masses only: there are no contacts"
     network.notes += [note] if geoms else []
@@ -125,17 +125,25 @@ def _read_gravity(root: Element, defaults: Defaults, file: str) -> list[float]:
     return gravity if flags.get("gravity", "enable") == "enable" else [0.0] * 3
 
 
-def _read_speeds(root: Element, network: Network, file: str) -> list[float] | None:
-    """Return the speeds of the keyframe `start`, or else of the first one."""
+def _read_start(
+    root: Element, defaults: Defaults, network: Network, file: str
+) -> tuple[list[float] | None, list[float]]:
+    """Return the speeds of the keyframe `start`, or else of the first one, and its controls, 0 without."""
     frames = list(root.iterfind("keyframe/key"))
     chosen = next((frame for frame in frames if frame.get("name") == "start"), frames[0] if frames else None)
-    if chosen is None or not {"qpos", "qvel"} & chosen.attrib.keys():
-        return None
-    network.notes.append(
-        f"velocities are those of the keyframe {chosen.get('name', '0')!r}, positions those of the model"
-    )
-    speeds = chosen.get("qvel")
-    return None if speeds is None else read_numbers(speeds, f"{file}: keyframe.key.qvel")
+    count = sum(len(section) for section in root.iterfind("actuator"))
+    if chosen is None:
+        return None, [0.0] * count
+    values = defaults.complete(chosen, "key", owner="0")
+    name = values.get("name", "0")
+    if {"qpos", "qvel"} & values.keys():
+        network.notes.append(f"velocities are those of the keyframe {name!r}, positions those of the model")
+    controls = [0.0] * count
+    if "ctrl" in values:
+        controls = read_numbers(values["ctrl"], f"{file}: keyframe.key.ctrl", (count,))
+        network.notes.append(f"rest lengths at the start are those of the ctrl of the keyframe {name!r}")
+    speeds = values.get("qvel")
+    return None if speeds is None else read_numbers(speeds, f"{file}: keyframe.key.qvel"), controls
 
 
 def _add_link(

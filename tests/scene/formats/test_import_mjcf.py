@@ -319,7 +319,9 @@ def test_what_acts_in_mujoco_and_is_not_read_is_named(tmp_path: Path) -> None:
         "spatial frictionloss": "t (3)",
         "motor ctrlrange": "push (0 1)",
     }
-    assert "actuators that are not read: inner, integral" in notes
+    reason = "on no spatial tendon, nor on a site with a fixed refsite"
+    assert f"actuators that are not read, for {reason}: inner" in notes
+    assert "actuators that are not read, for the law of <general>: integral" in notes
     plain = TEXT.replace('damping="0.5"', 'damping="0.5" range="0 1" armature="0" limited="auto"')
     assert [note for note in load(tmp_path, plain).notes if mark in note] == [
         f"spatial range{mark}t1 (0 1), t2 (0 1), t3 (0 1), t4 (0 1)"

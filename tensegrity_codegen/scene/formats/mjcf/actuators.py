@@ -17,8 +17,10 @@ import numpy as np
 from tensegrity_codegen.scene.formats.files.documents import read_numbers
 from tensegrity_codegen.scene.formats.imported import NameBook, Network, NetworkMember
 from tensegrity_codegen.scene.formats.mjcf.defaults import MAX_NAMED, Defaults, list_unread
+from tensegrity_codegen.scene.formats.mjcf.links import Link
+from tensegrity_codegen.scene.names import check_known
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.errors import name_list
+from tensegrity_codegen.system.errors import InvalidValueError, name_list
 
 RELATIVE_TOLERANCE = 1e-9
 # Attributes of `general` that other actuators have fixed values of, whatever their class says.
@@ -61,30 +63,46 @@ class _Found:
 
 
 def read_actuators(
-    root: Element, defaults: Defaults, network: Network, frames: Mapping[str, FloatArray], file: str
+    root: Element,
+    defaults: Defaults,
+    network: Network,
+    links: Sequence[Link],
+    controls: Sequence[float],
+    file: str,
 ) -> dict[str, str]:
     """Add loads, inputs, actuators and servos to a network; return members by the servos that they are.
 
-    frames (3, 3): rotations of sites that do not move. Actuators INPUT.TARGET of one input are one input
-    again; what is not read is listed in a note.
+    links: the world first; controls: at the start, of all actuators. Actuators INPUT.TARGET of one input are
+    one input again; what is not read is listed in a note with the reason.
     """
     found = _Found(defaults, network)
     for node, force in network.loads:
         found.forces[node] = found.forces.get(node, np.zeros(3)) + force
-    unread, without_lag = [], []
+    without_lag, forced = [], []
+    unread: dict[str, list[str]] = {}
+    targets = {"tendon": [element.get("name", "") for element in root.iterfind("tendon/*")]}
+    targets["site"] = targets["refsite"] = [site for link in links for site in link.sites]
     for number, element in enumerate(child for section in root.iterfind("actuator") for child in section):
         where, name = f"{file}: actuator[{number}]", element.get("name", f"actuator{number}")
         values = defaults.inherit(element, "actuator")
         if element.tag != "general" and values.get("dyntype", "none") != "none":
             without_lag.append(name)
-        actuator = _read(element.tag, name, values, where)
-        if actuator is None or not (_add_force(found, actuator, frames) or _add_pull(found, actuator, where)):
-            unread.append(name)
+        for key, known in targets.items():
+            if key in values:
+                check_known(values[key], known, f"unknown {key}", f"a {key}", f"{where} {name[:60]}")
+        control, actuator = controls[number], _read(element.tag, name, values, where)
+        if actuator is None:
+            unread.setdefault(f"the law of <{element.tag}>", []).append(name)
+        elif _add_force(found, actuator, links[0].frames):
+            forced += [name] if control and actuator.gain else []
+        elif reason := _add_pull(found, actuator, where, control):
+            unread.setdefault(reason, []).append(name)
     _close(network, found)
     for what, names in (
         ("servos are springs of their own on tendons that only pull, or have no stiffness; they push "
          "too where no force range forbids it, as in MuJoCo: ", list(found.servos)),
-        ("actuators that are not read: ", unread),
+        *((f"actuators that are not read, for {reason}: ", names) for reason, names in unread.items()),
+        ("the ctrl of the keyframe is not read of forces: ", forced),
         ("a default class gives a lag to actuators <general> only, as in MuJoCo, and not to ", without_lag),
     ):  # fmt: skip
         network.notes += [what + name_list(names, MAX_NAMED)] if names else []
@@ -138,31 +156,44 @@ def _add_force(found: _Found, actuator: _Actuator, frames: Mapping[str, FloatArr
     return True
 
 
-def _add_pull(found: _Found, actuator: _Actuator, where: str) -> bool:
-    """Add what an actuator on a tendon is: a change of rest length, of the tendon or of a servo beside it."""
+def _add_pull(found: _Found, actuator: _Actuator, where: str, control: float) -> str:
+    """Add what an actuator on a tendon is: a change of rest length, of the tendon or of a servo beside it.
+
+    Return the reason why it is none, "" where it was added.
+    """
     members, values, gear = found.network.members, actuator.values, actuator.gear[0]
     place = next((k for k, member in enumerate(members) if member.name == values.get("tendon", "")), None)
     stiffness, damping = (-gear * gear * bias for bias in actuator.bias[1:3])
-    if place is None or not actuator.is_plain(_OF_TENDONS) or min(stiffness, damping) < 0:
-        return False
+    if place is None:
+        return "on no spatial tendon, nor on a site with a fixed refsite"
+    if not actuator.is_plain(_OF_TENDONS):
+        return "attributes that are not read"
+    if min(stiffness, damping) < 0:
+        return "a stiffness or damping below 0, such as kp or kv"
     tendon, gain, constant = members[place], actuator.gain * gear, actuator.bias[0] * gear
     member = dict(tendon.values)
     own = member.get("spring_constant", 0.0)
     if not stiffness + own or not gain:
-        return False
+        return "a gain of 0" if not gain else "a tendon without stiffness"
     limits, forces = (
         read_numbers(values[f"{kind}range"], f"{where}.{kind}range", (2,))
         if found.defaults.is_limited(values, kind) else None
         for kind in ("ctrl", "force")
     )  # fmt: skip
-    control = min(max(0.0, limits[0]), limits[1]) if limits else 0.0
+    for kind, ends in (("ctrl", limits), ("force", forces)):
+        if ends and ends[0] > ends[1]:
+            problem, allowed = "the ends of the range are exchanged", "the lower end, then the upper one"
+            raise InvalidValueError(
+                problem, where=f"{where} {actuator.name[:60]}.{kind}range", given=ends, allowed=allowed
+            )
+    control = min(max(control, limits[0]), limits[1]) if limits else control
     is_servo = bool(stiffness) and not (own and member.get("tension_only") is False and forces is None)
     base = 0.0 if is_servo else own * member["rest_length"]
     total = stiffness if is_servo else own + stiffness
     rest = (base + gain * control + constant) / total
     if rest <= 0:
         if not stiffness:
-            return False
+            return "a rest length of 0 or less at the start"
         rest = member["rest_length"]
         control = (total * rest - base - constant) / gain
     target = tendon.name
@@ -178,12 +209,12 @@ def _add_pull(found: _Found, actuator: _Actuator, where: str) -> bool:
         found.servos[actuator.name] = target
     member |= {"spring_constant": total, "rest_length": rest}
     member |= {"damping": member.get("damping", 0.0) + damping} if damping else {}
-    changed = NetworkMember(target, tendon.ends, member, tendon.where)
+    changed = NetworkMember(target, tendon.ends, member, tendon.where, tendon.place_of)
     members[place : place + 1] = [changed] if target == tendon.name else [tendon, changed]
     unread = {key: value for key, value in values.items() if key not in _OF_TENDONS or key == "forcerange"}
     found.defaults.record(actuator.tag, unread, actuator.name)
     _command(found, actuator, target, rest, gain / total, control, limits)
-    return True
+    return ""
 
 
 def _command(

@@ -32,6 +32,7 @@ TAKEN = {
     "pair": f"name class geom1 geom2 {_CONTACT}",
     "spatial": _TENDON,
     "fixed": f"{_TENDON} armature",
+    "key": "name time qpos qvel act ctrl mpos mquat",
     "general": f"{_ACTUATOR} lengthrange nsample interp cranklength inheritrange actdim",
 }
 TAKEN |= dict.fromkeys(("motor", "position", "velocity"), f"{TAKEN['general']} inheritrange")

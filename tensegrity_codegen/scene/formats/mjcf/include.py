@@ -7,10 +7,26 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from tensegrity_codegen.scene.formats.files.documents import read_attribute, read_xml
+from tensegrity_codegen.scene.names import check_known
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError
 
 MAX_INCLUDED = 200  # files of one model
 ROOTS = ("mujoco", "mujocoinclude")
+IN_BODIES = (
+    "inertial joint freejoint geom site camera light body frame attach composite flexcomp replicate plugin"
+)
+# Elements of MuJoCo in others; an element that it does not have is refused, as there.
+ELEMENTS = dict.fromkeys(("worldbody", "body", "frame", "replicate"), IN_BODIES) | {
+    "actuator": "general motor position velocity intvelocity orientation pid damper cylinder muscle adhesion "
+    "dcmotor plugin",
+    "sensor": "touch accelerometer velocimeter gyro force torque magnetometer camprojection rangefinder "
+    "jointpos jointvel tendonpos tendonvel actuatorpos actuatorvel actuatorfrc jointactuatorfrc "
+    "tendonactuatorfrc ballquat ballangvel jointlimitpos jointlimitvel jointlimitfrc "
+    "tendonlimitpos tendonlimitvel tendonlimitfrc framepos framequat framexaxis frameyaxis "
+    "framezaxis framelinvel frameangvel framelinacc frameangacc subtreecom subtreelinvel "
+    "subtreeangmom insidesite distance normal fromto contact e_potential e_kinetic clock "
+    "tactile user plugin",
+}
 SECTIONS = ("tendon", "actuator", "sensor", "equality")  # whose elements share their names; others by tag
 
 
@@ -23,6 +39,13 @@ def read_model(path: Path, what: str) -> Element:
         )
     _expand(root, path, path.parent, [path.resolve()])
     _check_names(root, path)
+    for section in root:
+        for element in section.iter() if section.tag != "default" else ():
+            known = ELEMENTS.get(element.tag, "").split()
+            for child in element if known else ():
+                if isinstance(child.tag, str):
+                    where = f"{path}: {element.tag} {element.get('name', '')[:60]}".rstrip()
+                    check_known(child.tag, known, "MuJoCo has no such element", "", where)
     return root
 
 

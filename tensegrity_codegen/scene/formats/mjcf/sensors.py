@@ -10,6 +10,7 @@ from tensegrity_codegen.scene.formats.files.documents import read_number
 from tensegrity_codegen.scene.formats.imported import NameBook, Network
 from tensegrity_codegen.scene.formats.mjcf.defaults import MAX_NAMED
 from tensegrity_codegen.scene.formats.mjcf.links import Link
+from tensegrity_codegen.scene.names import check_known
 from tensegrity_codegen.system.errors import name_list
 
 KINDS = {
@@ -36,13 +37,18 @@ def read_sensors(
 
     servos: members by the actuators whose forces they have.
     """
+    tendons = [element.get("name", "") for element in root.iterfind("tendon/*")]
     owners = {site: link for link in links for site in link.sites}
     members = {member.name for member in network.members}
-    book, sensors, unread, turned = NameBook("s"), [], [], []
+    book, sensors, turned = NameBook("s"), [], []
+    unread: dict[str, list[str]] = {}
     for number, element in enumerate(child for section in root.iterfind("sensor") for child in section):
         kind, site = KINDS.get(element.tag, ""), _find_site(element)
         name = element.get("name", f"{element.tag}{number}")
         entry: dict[str, Any] = {"kind": kind, "name": name}
+        for what, given, known in (("site", site, owners), ("tendon", element.get("tendon"), tendons)):
+            if given:
+                check_known(given, known, f"unknown {what}", f"a {what}", f"{file}: sensor {name[:60]}")
         servo = servos.get(element.get("actuator", ""), "")
         target = servo if kind == "member_tension" else element.get("tendon", "")
         if kind.startswith("node") and network.has_node(site):
@@ -54,7 +60,12 @@ def read_sensors(
         elif kind.startswith("member") and target in members:
             entry["members"] = [target]
         else:
-            unread.append(name)
+            reason = "a site or tendon that is not one of a body, a node or a member"
+            if not kind:
+                reason = f"the kind <{element.tag}>"
+            elif kind == "member_tension":
+                reason = "an actuator that is no servo"
+            unread.setdefault(reason, []).append(name)
             continue
         entry["name"] = book.add(name)
         noise = read_number(element.get("noise", "0"), f"{file}: sensor[{number}].noise")
@@ -63,6 +74,6 @@ def read_sensors(
     network.notes += book.notes("sensors were")
     for what, names in (
         ("sensors in the axes of their site in MuJoCo, here of the world, gyros of the body: ", turned),
-        ("sensors that are not read: ", unread),
+        *((f"sensors that are not read, for {reason}: ", names) for reason, names in unread.items()),
     ):
         network.notes += [what + name_list(names, MAX_NAMED)] if names else []

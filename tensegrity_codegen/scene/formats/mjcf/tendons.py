@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from itertools import pairwise
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.scene.formats.files.documents import read_number, read_numbers
 from tensegrity_codegen.scene.formats.imported import Network, NetworkMember
 from tensegrity_codegen.scene.formats.mjcf.defaults import MAX_NAMED, Defaults
-from tensegrity_codegen.scene.names import check_known
+from tensegrity_codegen.scene.names import check_known, key_path
 from tensegrity_codegen.system.errors import InvalidValueError, name_list
 
 
@@ -26,7 +27,8 @@ def read_tendons(
     """
     members, pushing, rings = [], [], []
     for number, element in enumerate(root.iterfind("tendon/spatial")):
-        where = f"{file}: tendon.spatial[{number}]"
+        name = element.get("name", f"tendon{number}")
+        where = f"{file}: tendon.spatial[{number}] {name[:60]}"
         values = defaults.complete(element, "tendon")
         path = [site for site in element if isinstance(site.tag, str)]
         if len(path) < 2 or any(site.tag != "site" for site in path):
@@ -37,7 +39,6 @@ def read_tendons(
         ends = tuple(site.get("site", "") for site in path)
         for end in ends:
             check_known(end, sites, "unknown site", "a site", file)
-        name = element.get("name", f"tendon{number}")
         member, pushes_below = _read_values(values, element.get("class", ""), where)
         pushing += [f"{name} ({pushes_below:g} m)"] if pushes_below else []
         if "rest_length" not in member:
@@ -45,11 +46,16 @@ def read_tendons(
         if len(ends) > 2:
             rings += [name] if member.pop("tension_only", None) is False else []
             member["kind"] = "cable"
-        members.append(NetworkMember(name, ends, member, where))
+        members.append(NetworkMember(name, ends, member, where, partial(_find_place, where)))
     for what, names in (("below a length", pushing), ("though they run through rings", rings)):
         listed = name_list(names, MAX_NAMED)
         network.notes += [f"tendons that push {what} in MuJoCo and not here: {listed}"] if names else []
     return members
+
+
+def _find_place(where: str, key: str) -> str:
+    """Return the place of a value by its key, which has another name in MuJoCo."""
+    return key_path(where, {"spring_constant": "stiffness", "rest_length": "springlength"}.get(key, key))
 
 
 def _read_values(values: Mapping[str, str], group: str, where: str) -> tuple[dict[str, Any], float]:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError
 from tests.scene.formats.mjcf.models import ROBOT, load
 
 # The force on a tendon of length 0.7, 2 m/s, in MuJoCo and by the members between its sites.
@@ -127,7 +127,8 @@ def test_actuators_of_a_robot_and_what_is_left_out(tmp_path: Path) -> None:
     assert "far" not in document["nodes"]
     for note in (
         "tendons without stiffness are left out, with their forces: line",
-        "actuators that are not read: free, muscle",
+        "actuators that are not read, for a tendon without stiffness: free",
+        "actuators that are not read, for the law of <muscle>: muscle",
         "a default class gives a lag to actuators <general> only, as in MuJoCo, and not to "
         "servo, winch, both, free, muscle",
     ):
@@ -151,6 +152,53 @@ def test_sensors_are_those_of_points_bodies_and_members(tmp_path: Path) -> None:
         {"kind": "member_length", "name": "l", "members": ["c"]},
         {"kind": "member_tension", "name": "f", "members": ["a_servo"]},
     ]
-    assert "sensors that are not read: v, acc" in result.notes
+    assert "sensors that are not read, for the kind <tendonvel>: v" in result.notes
     turned = load(tmp_path, ROBOT.replace('<site name="rod0_out"', '<site name="rod0_out" euler="0 90 0"'))
     assert any("gyros of the body: g" in note for note in turned.notes)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("<freejoint/>", "<freejoin/>", ("body rod0: MuJoCo has no such element", "'freejoint'")),
+        ("<motor name", "<moter name", ("actuator: MuJoCo has no such element", "'motor'")),
+        ("<framepos", "<framepoz", ("sensor: MuJoCo has no such element", "'framepos'")),
+        ('objname="rod0_in"', 'objname="rod0_im"', ("sensor p: unknown site", "'rod0_in'")),
+        ('name="l" tendon="c"', 'name="l" tendon="cc"', ("sensor l: unknown tendon", "'c'")),
+        ('"winch" tendon="b"', '"winch" tendon="bb"', ("actuator[2] winch: unknown tendon", "'b'")),
+        ("0.1 0.3", "0.3 0.1", ("actuator[0] servo.ctrlrange: the ends", "[0.3, 0.1]")),
+        (
+            'stiffness="700"',
+            'stiffness="-700"',
+            ("tendon.spatial[2] c: stiffness: the value is out of range",),
+        ),
+        ("</mujoco>", '<keyframe><key ctrl="1 2"/></keyframe></mujoco>', ("keyframe.key.ctrl", "6")),
+    ],
+)
+def test_misspelt_models_are_refused_by_name(
+    tmp_path: Path, old: str, new: str, words: tuple[str, ...]
+) -> None:
+    with pytest.raises(TensegrityError) as caught:
+        load(tmp_path, ROBOT.replace(old, new))
+    assert all(word in str(caught.value) for word in words)
+
+
+def test_actuators_that_are_not_read_have_a_reason(tmp_path: Path) -> None:
+    result = load(tmp_path, ROBOT.replace('kp="400"', 'kp="-400"'))
+    reason = "a stiffness or damping below 0, such as kp or kv"
+    assert f"actuators that are not read, for {reason}: servo" in result.notes
+    assert "sensors that are not read, for an actuator that is no servo: f" in result.notes
+
+
+def test_the_keyframe_gives_the_controls_at_the_start(tmp_path: Path) -> None:
+    """Rest lengths of servos are their controls, within their ranges, of winches r - 50 u / 500."""
+    frame = '<keyframe><key name="home" ctrl="{} 0 -0.2 0.15 0 0" ctr="1"/></keyframe></mujoco>'
+    for control, rest in ((0.25, 0.25), (0.7, 0.3)):
+        result = load(tmp_path, ROBOT.replace("</mujoco>", frame.format(control)))
+        members = result.document["members"]
+        assert members["a_servo"]["rest_length"] == rest
+        assert members["b"]["rest_length"] == pytest.approx(0.2 + 0.2 * 50 / 500)
+        assert f"values of actuators are (control - {rest:g}): servo" in result.notes
+        assert "rest lengths at the start are those of the ctrl of the keyframe 'home'" in result.notes
+        assert "key ctr is not read, though it acts in MuJoCo: home (1)" in result.notes
+        assert result.document["actuators"][0]["range"] == pytest.approx([0.1, 0.3])

@@ -139,6 +139,7 @@ def test_other_shapes_touch_by_balls_too(tmp_path: Path) -> None:
     assert points["d"] == {}
     assert "cylinders touch the ground by balls of their radius at their two ends" in result.notes
     assert "geoms whose contact with the ground is not read: egg" in result.notes
+    assert "pictures of ellipsoids are left out: egg" in result.notes
     assert "fixed geoms beside the ground, which nothing touches here: wall" in result.notes
     assert "members" not in result.document
 
