@@ -225,7 +225,7 @@ MAX_LINES = {
     "export": 3_300,  # bodies
     "learning": 2_150,  # environments; derivatives
     "live": 1_300,
-    "pipeline": 3_860,  # needs of derivatives; sizes of nearly singular shapes; weights of shapes found
+    "pipeline": 3_870,  # needs of derivatives; sizes of nearly singular shapes; weights of shapes found
     "report": 6_000,  # surfaces of bodies, pages of load paths and of equilibria with loads and sections
     "runtime": 22_325,  # bodies in motions and statics; turns onto feet
     "scene": 13_620,  # rigid bodies with parts, and their import with reasons; doubts of units

@@ -163,6 +163,8 @@ MOST_PROVED = 40  # members, up to which the search goes on until the mass is pr
 MOST_SPLITS, FEW_SPLITS = 20_000, 100  # by default, up to that many members and beyond
 MAX_ROUNDS, SAME_MASS = 50, 1e-9  # with weights of members, until no node's changes by this part of all
 ALTERNATES = 1e-6  # of the mass, by which it grows at most where designs that are as light take turns
+MOST_FORCE = 100.0  # of the loads of a case in all: larger ones are those of a shape that hardly carries them
+LEVER = "the shape hardly carries these; settle it under them, or move nodes"
 LEAST_FORCE = 1e-9  # of the largest: smaller ones at nodes are rounding
 
 
@@ -349,6 +351,8 @@ def _prove_infeasible(
             hint="settle the structure under these loads with `equilibrium`, or move nodes a little: "
             "motions of it strain its members hardly",
         )
+    weights = " with `gravity = [0, 0, 0]` (weights of members are no loads here unless a case states them)"
+    weightless = weights if structure.member_mass.any() and any(structure.gravity) else ""
     moves = [k for k in np.argsort(-speed, kind="stable") if speed[k] > LEAST_FORCE]
     return InfeasibleError(
         "no forces of these members balance the loads",
@@ -360,7 +364,7 @@ def _prove_infeasible(
                 structure.node_name[k]: [round(x, 6) + 0.0 for x in motion[k].tolist()] for k in moves
             },
         },
-        hint="settle the structure under these loads with `equilibrium` and size the shape that it takes, "
+        hint=f"settle the structure under these loads with `equilibrium`{weightless} and size that shape, "
         "add members or anchors, state fewer tensions, or let bars pull: `bars_pull=True`",
     )
 
@@ -405,10 +409,14 @@ def _record(
     proof = f"proved to {gap:.0e}" if status == "optimal" else f"proved {bound:.6g} kg{any_area}"
     spared = [structure.member_name[e] for e in np.flatnonzero(~used)]
     idle = f"; {describe_count(len(spared), 'member')} without force: {name_list(spared)}" if spared else ""
+    size, loads = np.abs(found.tension).max(initial=0.0), np.abs(program.load).sum(axis=1).max(initial=1.0)
+    excess = (
+        f"; but forces are {size / loads:.4g} times all loads: {LEVER}" if size > MOST_FORCE * loads else ""
+    )
     leaves = f"; not stable: {describe_count(unstable, 'motion')} without strain" if unstable else ""
     return Sizing(
         status=status,
-        message=f"{total:.9g} kg, {proof} after {found.splits} splits{idle}{leaves}",
+        message=f"{total:.9g} kg, {proof} after {found.splits} splits{idle}{leaves}{excess}",
         case_name=case_name,
         member_tension=tension,
         force_density=tension / length,

@@ -525,6 +525,27 @@ def test_loads_that_nothing_carries_are_proved_so() -> None:
     assert (structure.node_load * motion).sum() == pytest.approx(2e4)
 
 
+def test_the_way_out_of_weights_is_without_gravity() -> None:
+    """An equilibrium has the weights of members, sizes only those of cases: settling with them is in vain."""
+    scene = {**diamond([], [*RING, *CROSS]), "gravity": [0.0, -9.81]}
+    for member in scene["members"].values():
+        member["mass"] = 1.0
+    with pytest.raises(InfeasibleError, match=r"gravity = \[0, 0, 0\]"):
+        size_members(scene, **ALUMINIUM)
+
+
+@pytest.mark.parametrize("rise", [0.001, 0.1])
+def test_forces_far_above_the_loads_are_told(rise: float) -> None:
+    """Two cables nearly in line pull load / (2 sine of their slope) each."""
+    places = {"a": [-1.0, rise], "b": [1.0, rise], "m": [0.0, 0.0]}
+    nodes = {name: {"position": at, "anchored": name != "m"} for name, at in places.items()}
+    members = {f"c{name}": {"nodes": [name, "m"], "kind": "cable", "axial_stiffness": 1e6} for name in "ab"}
+    loads = [{"node": "m", "force": [0.0, -10.0]}]
+    scene = {"name": "line", "axes": "xy", "nodes": nodes, "members": members, "loads": loads}
+    told = f"forces are {np.hypot(1.0, rise) / (2.0 * rise):.4g} times all loads"
+    assert (told in size_members(scene, **ALUMINIUM).message) == (rise < 0.01)
+
+
 def test_grounds_and_rings_are_refused() -> None:
     scene = {**diamond(RING, CROSS), "ground": {"stiffness": 1e5}}
     for node in scene["nodes"].values():
