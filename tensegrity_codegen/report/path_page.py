@@ -114,11 +114,11 @@ def _path(
     return figure, Table("Events" if rows else "No event", heads, rows)
 
 
-def _name_limits(text: str) -> str:
+def _name_limits(label: str) -> str:
     """Return a text about events with its limits in words."""
     for key, limit in LIMIT_NAMES.items():
-        text = text.replace(f"({key})", f"({limit})")
-    return text
+        label = label.replace(f"({key})", f"({limit})")
+    return label
 
 
 def _shapes(

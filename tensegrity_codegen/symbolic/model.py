@@ -156,7 +156,7 @@ class SymbolicModel:
                 raise FormulationError(
                     f"formulation {self.formulation!r} does not compute this: it is its state",
                     where="model.quantities", given=quantity,
-                    hint="leave it out: positions and velocities of nodes are in every result",
+                    hint="omit it: positions and velocities of nodes are in every result",
                 )  # fmt: skip
             raise FormulationError(
                 f"formulation {self.formulation!r} has no quantity of that name",

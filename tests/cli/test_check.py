@@ -215,4 +215,4 @@ def test_the_state_itself_is_no_quantity(run: Run, two_nodes: Path) -> None:
     text = two_nodes.read_text()
     stated = re.sub(r"quantities = .*\n", 'quantities = ["node_position"]\n', text)
     ended = run.refused("check", write(two_nodes, stated), "--json")
-    assert ended.data["hint"].startswith("leave it out")
+    assert ended.data["hint"].startswith("omit it")

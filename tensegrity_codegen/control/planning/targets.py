@@ -109,8 +109,8 @@ class Targets:
         row, sentences = 0, []
         for target in self.parts:
             end = row + len(target.components)
-            far = np.abs(target.goal - value[row:end]) > size
-            for k in np.flatnonzero(far) if target.is_length else ():
+            is_far = np.abs(target.goal - value[row:end]) > size
+            for k in np.flatnonzero(is_far) if target.is_length else ():
                 sentences.append(
                     f"target {target.names[k]} is {target.goal[k]:g} m, farther away than the structure is "
                     f"large ({size:.3g} m): numbers are in m, is it {target.goal[k]:g} mm?"

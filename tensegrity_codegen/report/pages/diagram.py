@@ -189,11 +189,11 @@ def _draw_marks(axes: "Axes", diagram: Diagram) -> None:
             textcoords="offset points", fontsize=TEXT_SIZE - 1, color=MUTED, bbox=BEHIND, zorder=5,
         )  # fmt: skip
     for row, (value, text) in enumerate(sorted(diagram.vertical, reverse=True)):
-        place = (axes.transData - axes.transAxes).transform((value, axes.get_ylim()[0]))[0]
+        fraction = (axes.transData - axes.transAxes).transform((value, axes.get_ylim()[0]))[0]
         axes.axvline(value, color=MUTED, linewidth=1.0, linestyle=DASHES["dotted"], zorder=2)
         axes.annotate(
             text, (value, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 2 + 11 * row),
-            ha="left" if place < 0.5 else "right", va="bottom",
+            ha="left" if fraction < 0.5 else "right", va="bottom",
             textcoords="offset points", fontsize=TEXT_SIZE - 1, color=MUTED, zorder=5,
         )  # fmt: skip
 

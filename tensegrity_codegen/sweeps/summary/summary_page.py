@@ -161,8 +161,8 @@ def _list_options(results: SweepResults) -> Iterator[str]:
         value = results.options.get(option.name, option.default)
         if value in (None, "", option.default):
             continue
-        word = f"--{option.argument.replace('_', '-')}"
-        yield word if option.flag is not None else f"{word} {value}"
+        label = f"--{option.argument.replace('_', '-')}"
+        yield label if option.flag is not None else f"{label} {value}"
 
 
 def _distributions(summary: SweepSummary) -> Iterator[Section]:
@@ -251,11 +251,11 @@ def _worst(summary: SweepSummary) -> Iterator[Section]:
         for case in summary.worst
     )  # fmt: skip
     kind = ANALYSES.get(summary.results.operation)
-    apart = ", from the scene as it was, to which the controller belongs" if kind and kind.needs_scene else ""
+    origin = ", from the scene as it was, to which the controller belongs" if kind and kind.needs_scene else ""
     blocks: list[Block] = [
         Table("Failed cases, and cases with extreme results", columns, rows),
         Paragraph(
-            f"Of each case, the first command writes the scene; the second runs the case alone{apart}:"
+            f"Of each case, the first command writes the scene; the second runs the case alone{origin}:"
         ),
         *(Command("\n".join(case.commands)) for case in summary.worst),
     ]

@@ -450,11 +450,11 @@ def find_high_tensions(loops: Mapping[str, LoopResult], limits: Limits) -> tuple
         excess = tension - (limits.most_tension + ROUNDING * np.abs(limits.most_tension))
         row, worst = np.unravel_index(int(excess.argmax()), excess.shape)
         if excess[row, worst] > 0.0:
-            others = int((excess.max(axis=0) > 0.0).sum()) - 1
+            n_others = int((excess.max(axis=0) > 0.0).sum()) - 1
             sentences.append(
                 f"{LOOP_NAMES[name]}: {loop.run.member_name[worst]} has {tension[row, worst]:.4g} N at "
                 f"{loop.run.time[row]:.3g} s, above the largest tension of {limits.most_tension[worst]:g} N"
-                + (f"; {others} other member{'s' * (others > 1)} too" if others else "")
+                + (f"; {n_others} other member{'s' * (n_others > 1)} too" if n_others else "")
             )
     return tuple(sentences)
 

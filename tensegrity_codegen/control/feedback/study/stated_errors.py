@@ -254,8 +254,8 @@ def _spare_stiff_members(
 
     resting, steps = load(np.zeros(len(scales.lever))), PROBED_PART * scales.size * np.eye(len(scales.lever))
     slope = np.array([load(step) - load(-step) for step in steps]).T / (2 * PROBED_PART * scales.size)
-    most = np.inf if model.structure is None else model.structure.limits.most_tension[elastic]
-    room = np.maximum(most - resting, 0.0)  # how much more tension limits permit
+    limit = np.inf if model.structure is None else model.structure.limits.most_tension[elastic]
+    room = np.maximum(limit - resting, 0.0)  # how much more tension limits permit
     spared = []
     for errors in drawn if largest > 0.0 else ():
         way, stiff = errors.coordinate * scales.lever, np.zeros(len(resting), dtype=bool)

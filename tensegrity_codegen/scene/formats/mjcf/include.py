@@ -41,11 +41,11 @@ def read_model(path: Path, what: str) -> Element:
     _check_names(root, path)
     for section in root:
         for element in section.iter() if section.tag != "default" else ():
-            known = ELEMENTS.get(element.tag, "").split()
-            for child in element if known else ():
+            tags = ELEMENTS.get(element.tag, "").split()
+            for child in element if tags else ():
                 if isinstance(child.tag, str):
                     where = f"{path}: {element.tag} {element.get('name', '')[:60]}".rstrip()
-                    check_known(child.tag, known, "MuJoCo has no such element", "", where)
+                    check_known(child.tag, tags, "MuJoCo has no such element", "", where)
     return root
 
 
