@@ -47,18 +47,21 @@ def walk(numbers, seed):
 
 
 def train(goal, most=300, pairs=48, spread=0.15, rate=0.6):
-    """Return the mean when its neighbours come `goal` metres far."""
+    """Return the mean when its neighbours come `goal` metres far, or Ctrl-C ends the training."""
     random, mean, slope = np.random.default_rng(0), np.zeros(n_moved * (n_seen + 1)), 0.0
-    for generation in range(most):
-        noise = random.normal(size=(pairs, mean.size))
-        way = walk(np.concatenate([mean + spread * noise, mean - spread * noise]), generation)
-        rank = np.argsort(np.argsort(way)) / (2 * pairs - 1) - 0.5
-        slope = 0.8 * slope + 0.2 * (rank[:pairs] - rank[pairs:]) @ noise / pairs
-        mean = mean + rate * slope
-        if generation % 20 == 19:
-            print(f"generation {generation + 1}: {way.mean():.2f} m in the mean", flush=True)
-        if way.mean() > goal:
-            break
+    try:
+        for generation in range(most):
+            noise = random.normal(size=(pairs, mean.size))
+            way = walk(np.concatenate([mean + spread * noise, mean - spread * noise]), generation)
+            rank = np.argsort(np.argsort(way)) / (2 * pairs - 1) - 0.5
+            slope = 0.8 * slope + 0.2 * (rank[:pairs] - rank[pairs:]) @ noise / pairs
+            mean = mean + rate * slope
+            if generation % 5 == 4:
+                print(f"generation {generation + 1}: {way.mean():.2f} m in the mean", flush=True)
+            if way.mean() > goal:
+                break
+    except KeyboardInterrupt:
+        print("training ends here, with the policy so far", flush=True)
     return mean
 
 

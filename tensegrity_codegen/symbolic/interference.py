@@ -229,7 +229,7 @@ def check_bar_pairs(count: int, where: str = "") -> None:
             "there are no two bars that could touch",
             where=where,
             allowed="two bars or more with a radius, which share no node",
-            hint="give the bars a radius [m]",
+            hint="give the bars a radius [m]; contacts are of bars, not of rigid bodies",
         )
     if count > MAX_PAIRS:
         raise FormulationError(

@@ -93,7 +93,7 @@ def test_a_scene_without_round_bars_has_no_distances() -> None:
     model = build_model(prism(), ModelRequest(()))
     with pytest.raises(FormulationError, match="no two bars that could touch") as caught:
         prune(model, ("bar_distance",))
-    assert "radius" in caught.value.hint
+    assert "a radius [m]; contacts are of bars" in caught.value.hint
 
 
 def test_pairs_of_bars_have_names_that_differ() -> None:

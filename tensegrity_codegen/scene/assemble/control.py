@@ -313,7 +313,7 @@ def _check_all(stated: LimitsTable, subject: Subject, where: str) -> None:
     if stated.clearance is not None and bars > 1 and not round_bars:
         problem = "no bar has a radius, so that the distances between bars are not known"
         location, allowed = key_path(where, "limits", "clearance"), "a clearance of bars with a radius"
-        hint = "give the bars a radius [m]"
+        hint = "give the bars a radius [m], or remove the key: clearances are of bars, not of bodies"
         raise InvalidValueError(problem, where=location, given=stated.clearance, allowed=allowed, hint=hint)
 
 

@@ -107,9 +107,9 @@ def _drop_loose(network: Network, pulled: set[str], file: str) -> None:
 def _note_geoms(network: Network, links: Sequence[Link]) -> None:
     """Add the notes on meshes and contacts that are not read."""
     geoms = [(geom, link) for link in links for geom in link.geoms]
-    for kind, plural in (("mesh", "meshes"), ("ellipsoid", "pictures of ellipsoids")):
+    for kind, title in (("mesh", "meshes"), ("ellipsoid", "pictures of ellipsoids")):
         names = [geom.name or link.name for geom, link in geoms if geom.kind == kind]
-        network.notes += [f"{plural} are left out: {name_list(names, MAX_NAMED)}"] if names else []
+        network.notes += [f"{title} are left out: {name_list(names, MAX_NAMED)}"] if names else []
     note = "contacts are those with the ground: bodies do not touch each other"
     note = note if network.ground else "geoms are read for their masses only: there are no contacts"
     network.notes += [note] if geoms else []

@@ -15,6 +15,7 @@ from tensegrity_codegen.system.errors import (
     UnknownNameError,
 )
 from tests.body_scenes import EVERYTHING, assemble_document
+from tests.free_body_cases import make_dropped_robot
 from tests.scene.samples import WHERE, build, changed
 
 
@@ -265,8 +266,10 @@ def test_limits_of_sections_need_a_radius(key):
 def test_a_clearance_needs_a_radius_of_some_bar():
     bars = changed("members", "bc", to={"class": "strut", "nodes": ["b", "c"]})
     bars["limits"] = {"clearance": 0.01}
-    with pytest.raises(InvalidValueError, match="no bar has a radius"):
-        build(bars)
+    for document in (bars, make_dropped_robot() | {"limits": {"clearance": 0.01}}):
+        with pytest.raises(InvalidValueError, match="no bar has a radius") as caught:
+            build(document)
+        assert "clearances are of bars, not of bodies" in caught.value.hint
 
 
 def test_rigid_bars_have_no_euler_load():

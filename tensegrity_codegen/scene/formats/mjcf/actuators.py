@@ -87,9 +87,9 @@ def read_actuators(
         values = defaults.inherit(element, "actuator")
         if element.tag != "general" and values.get("dyntype", "none") != "none":
             without_lag.append(name)
-        for key, names in targets.items():
+        for key, defined in targets.items():
             if key in values:
-                check_known(values[key], names, f"unknown {key}", f"a {key}", f"{where} {name[:60]}")
+                check_known(values[key], defined, f"unknown {key}", f"a {key}", f"{where} {name[:60]}")
         control, actuator = controls[number], _read(element.tag, name, values, where)
         if actuator is None:
             unread.setdefault(f"the law of <{element.tag}>", []).append(name)

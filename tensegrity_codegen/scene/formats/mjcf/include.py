@@ -44,8 +44,8 @@ def read_model(path: Path, what: str) -> Element:
             tags = ELEMENTS.get(element.tag, "").split()
             for child in element if tags else ():
                 if isinstance(child.tag, str):
-                    where = f"{path}: {element.tag} {element.get('name', '')[:60]}".rstrip()
-                    check_known(child.tag, tags, "MuJoCo has no such element", "", where)
+                    location = f"{path}: {element.tag} {element.get('name', '')[:60]}".rstrip()
+                    check_known(child.tag, tags, "MuJoCo has no such element", "", location)
     return root
 
 

@@ -46,9 +46,11 @@ def read_sensors(
         kind, site = KINDS.get(element.tag, ""), _find_site(element)
         name = element.get("name", f"{element.tag}{number}")
         entry: dict[str, Any] = {"kind": kind, "name": name}
-        for kind_of, name_of, names in (("site", site, owners), ("tendon", element.get("tendon"), tendons)):
-            if name_of:
-                check_known(name_of, names, f"unknown {kind_of}", f"a {kind_of}", f"{file}: sensor {name[:60]}")
+        targets = (("site", site, owners), ("tendon", element.get("tendon"), tendons))
+        for target_kind, target_name, defined in targets:
+            if target_name:
+                problem, allowed = f"unknown {target_kind}", f"a {target_kind}"
+                check_known(target_name, defined, problem, allowed, f"{file}: sensor {name[:60]}")
         servo = servos.get(element.get("actuator", ""), "")
         target = servo if kind == "member_tension" else element.get("tendon", "")
         if kind.startswith("node") and network.has_node(site):
