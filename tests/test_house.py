@@ -226,9 +226,9 @@ MAX_LINES = {
     "learning": 2_150,  # environments; derivatives
     "live": 1_300,
     "pipeline": 3_870,  # needs of derivatives; sizes of nearly singular shapes; weights of shapes found
-    "report": 6_000,  # surfaces of bodies, pages of load paths and of equilibria with loads and sections
+    "report": 6_050,  # surfaces of bodies, pages of load paths and of equilibria with loads and sections
     "runtime": 22_325,  # bodies in motions and statics; turns onto feet
-    "scene": 13_620,  # rigid bodies with parts, and their import with reasons; doubts of units
+    "scene": 13_640,  # rigid bodies with parts, and their import with reasons; doubts of units
     "structure": 3_750,  # rigid bodies
     "studies": 7_900,
     "sweeps": 8_950,  # bodies

@@ -251,7 +251,9 @@ def _worst(summary: SweepSummary) -> Iterator[Section]:
         for case in summary.worst
     )  # fmt: skip
     kind = ANALYSES.get(summary.results.operation)
-    origin = ", from the scene as it was, to which the controller belongs" if kind and kind.needs_scene else ""
+    origin = (
+        ", from the scene as it was, to which the controller belongs" if kind and kind.needs_scene else ""
+    )
     blocks: list[Block] = [
         Table("Failed cases, and cases with extreme results", columns, rows),
         Paragraph(
