@@ -286,7 +286,7 @@ def test_a_load_on_what_is_held_alone_is_refused_and_beside_others_told(run: Run
     some, one = (run.good("load-path", path, "--load", f"{name}=0,0,-1", "--json") for name in ("[ab]", "b"))
     assert some.data["load_factor"] == one.data["load_factor"]
     assert some.data["warnings"][-1].endswith("which counts in reactions alone: a.z")
-    for verb in ("equilibrium", "reactions", "analyse"):
+    for verb in ("equilibrium", "reactions"):
         assert "which counts in reactions alone: a.z" in run(verb, path, "--load", "[ab]=0,0,-1").err
 
 

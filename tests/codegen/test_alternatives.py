@@ -124,7 +124,10 @@ def test_a_second_fault_is_named_with_the_way_out() -> None:
     plain = rigid(prism(anchored={0: "xyz"}))
     with pytest.raises(FormulationError) as caught:
         check_request(plain, ModelRequest(("bar_distance",)))
-    assert caught.value.hint == 'formulation = "rigid_bar", and give the bars a radius [m]'
+    hint = (
+        'formulation = "rigid_bar", and give the bars a radius [m]; contacts are of bars, not of rigid bodies'
+    )
+    assert caught.value.hint == hint
 
 
 def test_bodies_above_400_tendons_are_refused_with_a_way_out() -> None:
