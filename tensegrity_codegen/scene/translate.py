@@ -27,8 +27,8 @@ _RANGE = {
     "greater_than_equal": ("ge", "a number not less than {}"),
     "less_than": ("lt", "a number less than {}"),
     "less_than_equal": ("le", "a number not greater than {}"),
-    "too_short": ("min_length", "at least {} of them"),
-    "too_long": ("max_length", "at most {} of them"),
+    "too_short": ("min_length", "a list of at least {}"),
+    "too_long": ("max_length", "a list of at most {}"),
 }
 _TYPE = {
     "float_type": "a number",
