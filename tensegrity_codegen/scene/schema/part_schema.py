@@ -171,7 +171,9 @@ NodePatterns: TypeAlias = Annotated[
 class Load(Table):
     """A constant force on a node, or on each of several."""
 
-    node: NodePatterns = Field(description='Node, "body.point", or pattern such as "t*"; or a list, each node counted once.')
+    node: NodePatterns = Field(
+        description='Node, "body.point", or pattern such as "t*"; or a list, each once.'
+    )
     force: Vector = Field(description="Force [N], constant in direction.")
 
 
