@@ -75,7 +75,7 @@ PROGRAMS = (
 LINES = {
     "stiff_bars": "Stiff bars",
     "bench": "Functions beside CasADi, NumPy, JAX",
-    "ensembles": "1,000 motions in a batch",
+    "ensembles": "1,000 motions at once",
     "simulate_calls": "`simulate` from Python",
 }
 
