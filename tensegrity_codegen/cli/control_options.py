@@ -254,10 +254,6 @@ def read_export_options(given: Mapping[str, Any]) -> tuple[MotionOptions, Design
     return held, DesignOptions(**stated, mpc=True, estimator=False)
 
 
-NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-TIMES = re.compile(rf"\s*({NUMBER})\s*(?:\+\s*({NUMBER})\s*)?")
-
-
 def read_errors(options: StudyOptions, axes: Sequence[int]) -> "StatedErrors":
     """Return the disturbances that the options state; raises InvalidValueError for texts that state none."""
     from tensegrity_codegen.control.feedback.study.stated_errors import StatedErrors, read_start_errors
@@ -268,11 +264,11 @@ def read_errors(options: StudyOptions, axes: Sequence[int]) -> "StatedErrors":
 
 
 def _read_gust(text: str, axes: Sequence[int]) -> "RandomGust":
-    from tensegrity_codegen.control.feedback.study.stated_errors import RandomGust
+    from tensegrity_codegen.control.feedback.study.stated_errors import NUMBER, RandomGust
 
     node, equals, rest = text.partition("=")
     vector, at, times = rest.partition("@")
-    match = TIMES.fullmatch(times) if at else None
+    match = re.fullmatch(rf"\s*({NUMBER})\s*(?:\+\s*({NUMBER})\s*)?", times) if at else None
     if not equals or not node.strip() or (at and match is None):
         allowed = "NODE=FX,FY,FZ@START+DURATION, or NODE=F@START+DURATION"
         hint = "for example t1=0,0,-5@0.5+0.2, or 't*=5@0.5+0.2'"

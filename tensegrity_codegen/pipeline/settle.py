@@ -127,8 +127,7 @@ def move_back(
     # Energies count from the origin, with loads added (n_nodes, 3) [N] to those of the structure.
     if isinstance(structure, BodySystem) or not offset.any():
         return found
-    mass = structure.node_mass.sum() + structure.member_mass.sum()
-    force = (structure.node_load + added).sum(axis=0) + mass * structure.gravity
+    force = (structure.node_load + added).sum(axis=0) + structure.total_mass * structure.gravity
     force += find_input_force(structure, inputs or {}).sum(axis=0)
     return replace(found, node_position=found.node_position + offset, energy=found.energy - force @ offset)
 

@@ -18,7 +18,15 @@ from tensegrity_codegen.report.pages.page import (
     as_sentence,
     command_section,
 )
-from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, make_table, number_cell, text_cell
+from tensegrity_codegen.report.pages.page_table import (
+    Cell,
+    Column,
+    Table,
+    find_largest,
+    make_table,
+    number_cell,
+    text_cell,
+)
 from tensegrity_codegen.report.pages.picture import draw_picture
 from tensegrity_codegen.report.pictures.draw import pad_tension
 from tensegrity_codegen.report.pictures.panel import set_up
@@ -35,7 +43,6 @@ from tensegrity_codegen.system.version import VERSION
 
 MAX_NAMED = 16  # nodes up to which their names stay apart in a picture this small
 ROUNDING = 1e-9  # part of the largest force of a support below which it has none
-MAX_ROWS = 8  # of a table that are visible at once
 LEAD = (
     "The stable equilibrium under the loads below and the weights. Tensions are positive, compressions "
     "negative."
@@ -93,8 +100,7 @@ def forces_section(
     if tension is not None:
         reaction = compute_reactions(structure, position[None], tension[None], nodes)[0]
         reaction[np.abs(reaction) < ROUNDING * np.abs(reaction).max(initial=0.0)] = 0.0
-    weight = (structure.node_mass.sum() + structure.member_mass.sum()) * structure.gravity
-    sums = {"loads": load.sum(axis=0), "weights": weight}
+    sums = {"loads": load.sum(axis=0), "weights": structure.total_mass * structure.gravity}
     sums |= {} if feet is None else {"ground": feet.force.sum(axis=0)}
     sums |= {"supports": reaction.sum(axis=0)} if structure.node_anchored.any() else {}
     totals = {name: np.round(force[axes], 6) for name, force in sums.items() if not np.isnan(force).any()}
@@ -144,12 +150,12 @@ def members_section(
         )
         for e, name in enumerate(member_name)
     )
-    claim, head = "no limits are stated", ()
+    claim = "no limits are stated"
+    head: tuple[int, ...] = ()
     if checks is not None and checks.worst is not None:
         member, limit, use = checks.worst
         claim = f"nearest to a limit: {member}, {LIMIT_NAMES[limit]}, {100 * use:.3g} % used"
-        uses = np.nan_to_num(checks.member_use[: len(member_name)])
-        head = tuple(np.argsort(-uses, kind="stable")[:MAX_ROWS].tolist())
+        head = find_largest(np.nan_to_num(checks.member_use[: len(member_name)]))
     note = "the nearest to a limit" if head else ""
     table = Table("Members at the present tensions", tuple(columns), rows, head=head, head_note=note)
     return Section(
@@ -204,8 +210,9 @@ def _nodes(equilibrium: Equilibrium, structure: Structure) -> Section:
     way = 1e3 * np.linalg.norm(position - structure.node_position, axis=1)
     rows = [(structure.node_name[n], *map(float, position[n]), float(way[n])) for n in is_node]
     columns = {"node": "", **dict.fromkeys(("x [m]", "y [m]", "z [m]"), ".6f"), "moved [mm]": ".4g"}
-    head = tuple(np.argsort(-way[is_node], kind="stable")[:MAX_ROWS].tolist())
-    table = make_table("Positions", columns, rows, head=head, head_note="those that moved farthest")
+    table = make_table(
+        "Positions", columns, rows, head=find_largest(way[is_node]), head_note="those that moved farthest"
+    )
     claim = f"{structure.node_name[int(way.argmax())]} moved farthest, {way.max():.4g} mm"
     claim = claim if way.max() > 0.0 else "no node moved"
     return Section("nodes", "", "Nodes", "plain", claim, (table,))

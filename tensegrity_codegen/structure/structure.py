@@ -190,12 +190,11 @@ class Structure(WithMemberLaws, Summarised):
         )
         nodes, cables = show_nodes(self.node_name, self.body_places), len(members) - bars
         named = [("bodies", count_names([body.name for body in self.bodies]))] if self.bodies else []
-        mass = float(self.node_mass.sum() + self.member_mass.sum())
         return [
             ("nodes", f"{count_names(nodes)}, anchored: {count_names(held)}"),
             ("members", f"{bars} bars and {cables} cables: {count_names(members)}"),
             *named,
-            ("size", " x ".join(f"{side:.4g}" for side in size) + f" m, mass {mass:.6g} kg"),
+            ("size", " x ".join(f"{side:.4g}" for side in size) + f" m, mass {self.total_mass:.6g} kg"),
             ("tension", describe_range(self.static_tension()[: len(members)], "N")),
             ("inputs", count_names([entry.name for entry in self.inputs])),
             ("gravity", f"{self.gravity.tolist()} m/s2"),
@@ -209,6 +208,11 @@ class Structure(WithMemberLaws, Summarised):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return reduce_fields(self)
+
+    @property
+    def total_mass(self) -> float:
+        """Mass of all nodes and members [kg]."""
+        return float(self.node_mass.sum() + self.member_mass.sum())
 
     @property
     def n_nodes(self) -> int:

@@ -39,7 +39,14 @@ from tensegrity_codegen.report.pages.page import (
     command_section,
     join_names,
 )
-from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
+from tensegrity_codegen.report.pages.page_table import (
+    Cell,
+    Column,
+    Table,
+    find_largest,
+    number_cell,
+    text_cell,
+)
 from tensegrity_codegen.runtime.linear.linearize import find_variations
 from tensegrity_codegen.runtime.model.arguments import INPUT
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -176,7 +183,7 @@ def _draws(study: ControlStudy) -> Section:
         rows.append(tuple(cells))
     note = "Largest distance of a node from the motion, and least tension of the cables, at the end."
     end_error = study.loops[names[-1]].end_error
-    worst = tuple(np.argsort(-np.nan_to_num(end_error, nan=np.inf), kind="stable")[:8].tolist())
+    worst = find_largest(np.nan_to_num(end_error, nan=np.inf))
     table = Table("Draws", tuple(columns), tuple(rows), note, head=worst, head_note="the largest errors")
     return Section("draws", "", "Draws", "plain", f"{len(rows)} draws, seed {study.seed}", (table,))
 

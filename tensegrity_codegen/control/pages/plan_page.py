@@ -22,7 +22,7 @@ from tensegrity_codegen.report.pages.page import (
     command_section,
     joined_figure,
 )
-from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell, text_cell
+from tensegrity_codegen.report.pages.page_table import Column, Table, find_largest, number_cell, text_cell
 from tensegrity_codegen.report.pages.picture import draw_motion, draw_picture, draw_tensions
 from tensegrity_codegen.report.pictures.draw import pad_tension
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
@@ -150,8 +150,8 @@ def _rest_lengths(plan: PlanResult) -> Section:
         Column("change", "mm"),
     )
     summary = f"largest change {format_short(1000 * float(np.abs(moved).max()))} mm"
-    farthest = tuple(np.argsort(-np.abs(moved[-1]), kind="stable")[:8].tolist())
-    table = Table("Rest lengths", columns, rows, head=farthest, head_note="those that change most")
+    head = find_largest(np.abs(moved[-1]))
+    table = Table("Rest lengths", columns, rows, head=head, head_note="those that change most")
     blocks = (joined_figure("rest", diagram, caption, summary), table)
     return Section("rest-lengths", "", "Rest lengths", "plain", summary, blocks)
 

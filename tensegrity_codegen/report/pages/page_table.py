@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from tensegrity_codegen.report.long_table import rank_rows
 from tensegrity_codegen.report.number_text import format_number
 
 # Widths of a window [px] up to which a table may be told to scroll sideways.
@@ -159,6 +160,11 @@ class Table:
             "columns": [{"name": column.name, "unit": column.unit} for column in self.columns],
             "rows": [[cell.value for cell in row] for row in self.rows],
         }
+
+
+def find_largest(values: Any) -> tuple[int, ...]:
+    """Return the rows that a long table has as its `head`: those with the largest values (n_rows,)."""
+    return tuple(rank_rows(-values)[:HEAD_ROWS])
 
 
 def text_cell(text: str) -> Cell:

@@ -36,7 +36,8 @@ from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, 
 from tensegrity_codegen.system.name_patterns import find_matching
 
 STIFFNESSES = ("axial_stiffness", "spring_constant")
-START_ERROR = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(deg|rad|mm|cm|m)?\s*")
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+START_ERROR = re.compile(rf"\s*({NUMBER})\s*(deg|rad|mm|cm|m)?\s*")
 SAFE_PART = 0.1  # of the shortest rigid distance: an error of the start with which nothing collapses
 KEPT_WITHIN = 1e-6  # m, by which rigid parts may still move once they have their lengths
 PROBE, HELD_WITHIN = 1e-3, 1e-8  # change of coordinates [m, rad], and of the position of a held node [m]
